@@ -10,26 +10,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ifrfit.inference.diagnostics.angular_momentum import angular_momentum
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
-from ifrfit.inference.diagnostics.censoring import censoring, truncation
-from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
-from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
-from ifrfit.inference.diagnostics.outliers import outliers
-from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
 from ifrfit.inference.diagnostics.quadratic_forms import Array
-from ifrfit.inference.diagnostics.repeated_number import repeated_number
+from ifrfit.inference.diagnostics.recorded_values import (
+    censoring,
+    duplicates,
+    is_coarse,
+    repeated_number,
+    rounded_readings,
+    truncation,
+)
 from ifrfit.inference.diagnostics.repeats import settings_scatter
-from ifrfit.inference.diagnostics.residuals import Residuals
-from ifrfit.inference.diagnostics.rounded_readings import is_coarse, rounded_readings
-from ifrfit.inference.diagnostics.series_compared import unequal_noise
+from ifrfit.inference.diagnostics.residuals import Residuals, outliers
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
-from ifrfit.inference.diagnostics.thresholds import ALIKE
+from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
+from ifrfit.inference.diagnostics.wider_problems import prior_conflict, unequal_noise
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
@@ -175,7 +176,7 @@ def in_order(facts: Mapping[str, Fact]) -> dict[str, Fact]:
 def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, brief: bool) -> None:
     """What refutes or explains all rows together, and takes the place of effects."""
     if problem.observations.momentum:
-        so_far.tell("angular_momentum", angular_momentum(problem, so_far.facts.get("slips")))
+        so_far.tell("angular_momentum", _angular_momentum(problem, so_far.facts.get("slips")))
     if so_far.of_momentum:  # velocities and spins say it themselves
         so_far.withdraw("slips", "effects")
     normal = normal_restitution(problem, found, advise=not so_far.has_slipped)
@@ -190,6 +191,27 @@ def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, b
         so_far.withdraw("effects")
         so_far.causes = ["known"]
     so_far.tell("beyond_closure", beyond_closure(problem, found))
+
+
+def _angular_momentum(problem: Problem, slips: Fact | None) -> Fact:
+    """Whether velocities and spins of raw impacts close, source by source.
+
+    Where a slip explains the residuals and another inertia factor does not, none is advised.
+    """
+    checks = problem.observations.momentum
+    figures = {
+        "sources": [
+            {name: getattr(c, name) for name in ("source", "n", "rms", "n_violating", "suggested")}
+            for c in checks
+        ]
+    }
+    bad = [check for check in checks if not check.ok]
+    if bad and slips is not None and not slips.ok and "inertia-factor" not in slips.figures["called"]:
+        misses = "; ".join(f"{check.source}: {check.miss}{check.unit_of_spins}" for check in bad)
+        says = f"{misses}. Mend the slip in the table first, and see whether it closes then"
+    else:
+        says = " ".join(check.says for check in (bad or checks)).rstrip(".")
+    return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 
 def _independence(

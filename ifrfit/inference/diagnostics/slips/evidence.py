@@ -12,11 +12,9 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
-from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, careful_drop
-from ifrfit.inference.diagnostics.slips.missing_values import missing_values
-from ifrfit.inference.diagnostics.slips.mixed_readings import mixed_readings
+from ifrfit.inference.diagnostics.slips.compared_fit import MOST_SERIES, ComparedFit, careful_drop
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, directions_of, nuisances, of_series
-from ifrfit.inference.diagnostics.slips.series_offsets import MOST_SERIES
+from ifrfit.inference.diagnostics.slips.single_rows import missing_values, mixed_readings
 from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
