@@ -12,7 +12,7 @@ from simulated import simulated
 from studies import in_order
 
 from ifrfit.data.observations import Observations
-from ifrfit.inference.comparison.information_criteria import probabilities
+from ifrfit.inference.comparison.compare import probabilities
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import log_evidence

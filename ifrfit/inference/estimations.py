@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.diagnostics.collect import noise_converged
-from ifrfit.inference.diagnostics.pooling import sharing
+from ifrfit.inference.diagnostics.optimum_facts import noise_converged
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
+from ifrfit.inference.diagnostics.wider_problems import sharing
 from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares

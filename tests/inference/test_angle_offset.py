@@ -16,7 +16,7 @@ import ifrfit
 from ifrfit import AngleErrors, Bootstrap, Exact, Model, Noise, Profile
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.appraise import appraise
-from ifrfit.inference.diagnostics.collect import angle_offset
+from ifrfit.inference.diagnostics.optimum_facts import angle_offset
 from ifrfit.inference.fit import make_question
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.model.error_model import ErrorModel

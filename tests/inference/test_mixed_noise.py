@@ -19,8 +19,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.schemes import draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
-from ifrfit.inference.diagnostics.outliers import outliers
-from ifrfit.inference.diagnostics.residuals import residuals_of
+from ifrfit.inference.diagnostics.residuals import outliers, residuals_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.effective_dof import dof_of_functional, satterthwaite
 from ifrfit.inference.optimize.least_squares import least_squares

@@ -15,7 +15,7 @@ from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem

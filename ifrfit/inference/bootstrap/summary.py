@@ -8,8 +8,7 @@ import numpy as np
 
 from ifrfit.inference.bootstrap.estimator import Array, BootstrapDraws
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
-from ifrfit.inference.diagnostics.collect import noise_converged
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import noise_converged, only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
 import numpy as np
+from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.closure_questions import (
-    applied_where,
-    chosen_closures,
-    fit_each,
-    known_to,
-)
-from ifrfit.inference.comparison.information_criteria import aicc, probabilities
 from ifrfit.inference.comparison.loo import loo_of, with_differences
 from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
-from ifrfit.inference.comparison.result import Comparison, Entry
-from ifrfit.inference.comparison.types import HOPELESS, Loo
+from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
-from ifrfit.inference.fit import Data, make_question
+from ifrfit.inference.fit import Data, Question, fit_problem, make_question
 from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squares
@@ -35,6 +28,8 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.restore import question as question_of
 from ifrfit.physics.closure import Closure
+from ifrfit.physics.closures import CLOSURES, get_closure
+from ifrfit.text import joined
 
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
@@ -186,3 +181,137 @@ def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry
         free, prior, gap = int(problem.parameters.free.sum()), prior_of(problem), evidence[name] - top
         found[name] = Entry(fit, free, aicc(fit), gap, chance[name], prior, loo.get(name))
     return found
+
+
+def chosen_closures(
+    names: str | Iterable[str] | None, plain: bool
+) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """Closures of these names, each once; where none is named, all of the registry that know the errors.
+
+    Parameters
+    ----------
+    names : str or iterable of str, optional
+    plain : bool
+        Whether errors are independent, Gaussian, and of the values alone.
+
+    Returns
+    -------
+    closures : tuple of Closure
+    notes : tuple of str
+        Which were left out.
+
+    Raises
+    ------
+    UsageError
+        For an unknown name, or where there is only one.
+    """
+    given = [] if names is None else [names] if isinstance(names, str) else list(names)
+    if not given:
+        return known_to(plain)
+    found = tuple({c.name: c for c in map(get_closure, given)}.values())
+    if len(found) < 2:
+        raise UsageError(
+            f"Only closure {found[0].title} is named, so there is nothing to compare it with. Name two or "
+            "more, or none for all."
+        )
+    return found, ()
+
+
+def known_to(plain: bool) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """All closures that know a scatter, plain or not, and which were left out."""
+    every = tuple(CLOSURES.values())
+    if plain:
+        return every, ()
+    said = tuple(
+        f"{c.title} is left out: it knows independent Gaussian errors of the values only."
+        for c in every
+        if not c.bilinear
+    )
+    return tuple(c for c in every if c.bilinear), said
+
+
+def applied_where(closures: Sequence[Closure], choices: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """Say of each constant that only some closures have to which of them the user's choice applies.
+
+    Raises
+    ------
+    UsageError
+        For a constant that none of the closures has.
+    """
+    said = []
+    for option, named in choices.items():
+        for name in named:
+            those = [c.title for c in closures if name in c.constants]
+            others = [c.title for c in closures if name not in c.constants]
+            if not those:
+                known = dict.fromkeys(n for c in closures for n in c.constants)
+                raise UsageError(
+                    f"--{option} {name}: no closure of this comparison has such a constant. "
+                    f"They have {', '.join(known)}."
+                )
+            if others:
+                have = "has" if len(others) == 1 else "have"
+                said.append(
+                    f"--{option} {name} holds for {joined(those)}; {joined(others)} {have} no such constant."
+                )
+    return tuple(said)
+
+
+def fit_each(
+    question: Question, closures: Sequence[Closure], model: Model, seed: int, command: str
+) -> dict[str, FitResult]:
+    """Fit every closure by exact posterior.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `ifrfit.fit`; with the name of the closure where another one may well pass.
+    """
+    own = {c.constant for c in closures if c.constant}
+    specific = any(name in own for named in model.named_constants().values() for name in named)
+    found: dict[str, FitResult] = {}
+    problem: Problem | None = None
+    for closure in closures:
+        try:
+            parameters = model.with_closure(closure).parameters(question.inertia_factor)
+            if problem is None:
+                problem = question.problem(closure, parameters)
+            problem = problem.with_closure(closure, parameters)
+            found[closure.name] = fit_problem(
+                problem,
+                Exact(),
+                seed=seed,
+                command=command,
+                conditions=question.conditions,
+                assumed=question.assumed,
+            )
+        except (UsageError, DataError) as error:
+            if not found and not specific:
+                raise
+            named = str(error).startswith(f"Closure {closure.title} ")
+            raise type(error)(str(error) if named else f"Closure {closure.title}: {error}") from None
+    return found
+
+
+def aicc(result: FitResult) -> float | None:
+    """AIC corrected for few rows; None where that form is not defined.
+
+    The correction 2 k (k + 1)/(n - k - 1) is derived for linear models with one unknown noise scale, which k
+    counts; with known noise AIC itself is exact there, and with several scales, or one beside known
+    noise, there is no such form.
+
+    References
+    ----------
+    Hurvich & Tsai (1989), Biometrika 76, 297.
+    """
+    n = result.fit.n
+    one_scale = result.noise.policy not in ("known", "mixed") and len(result.noise.estimates) == 1
+    k = result.fit.rank + 1
+    if not one_scale or n - k - 1 <= 0:
+        return None
+    return result.fit.aic + 2.0 * k * (k + 1) / (n - k - 1)
+
+
+def probabilities(log_evidence: Mapping[str, float]) -> dict[str, float]:
+    """Posterior probability of each closure, all equally probable before."""
+    return dict(zip(log_evidence, special.softmax(list(log_evidence.values())).tolist(), strict=True))

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.types import Loo
+from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
 from ifrfit.inference.posterior import TOLERANCE, ExactPosterior, log_evidence
 from ifrfit.inference.posterior.fewer_rows import FewerRows, with_kept_rows
@@ -23,8 +24,6 @@ from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
 from ifrfit.inference.posterior.integrators import evidence_is_sampled
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
-
-Array = NDArray[np.float64]
 
 DRAWS = 4000
 THRESHOLD = 0.7

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.types import HOPELESS, PriorRow
+from ifrfit.inference.comparison.result import HOPELESS, PriorRow
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter

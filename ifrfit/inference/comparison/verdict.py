@@ -1,4 +1,4 @@
-"""Which closure the data prefer, and how strongly, in one sentence."""
+"""Which closure the data prefer, how strongly, and which small flaws of a measurement would turn that."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.data.schema import STAND_IN
-from ifrfit.inference.comparison.result import Entry
-from ifrfit.inference.comparison.types import PriorRow, Verdict
+from ifrfit.inference.comparison.result import Entry, PriorRow, Verdict
+from ifrfit.inference.diagnostics.slips.messages import FLAWS, flaw_words
+from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
@@ -22,6 +23,7 @@ INDIFFERENT = 1.0
 SCALE_WORDS = "over 1 positive, over 3 strong, over 5 very strong"
 
 _ADVERBS = {"very strong": "very strongly", "strong": "strongly", "positive": "slightly"}
+_STRONG = min(least for least, word in SCALE if word == "strong")
 
 
 def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verdict:
@@ -177,3 +179,44 @@ def _number(x: float) -> str:
     """A log Bayes factor: to a tenth, and to units where large."""
     text = f"{x:.1f}" if abs(x) < 100.0 else f"{np.round(x):.0f}"
     return text.replace("-0.0", "0.0")
+
+
+def rivals_with_flaws(entries: Mapping[str, Entry], ranked: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Closures that the data no longer refuse strongly where one flaw of the measurement is fitted with them.
+
+    The Bayes factor of a flaw is that of the slip as the fit of each closure tried it, its size with the
+    prior of a slip; the best closure has its best flaw, too.
+
+    Parameters
+    ----------
+    entries : mapping of str to Entry
+    ranked : sequence of str
+        The best first.
+
+    Returns
+    -------
+    dict
+        Closure to the flaw in words, and to the log Bayes factor that is left of the best closure over it.
+    """
+    best, *others = ranked
+    level = entries[best].log_evidence + max(0.0, _best_flaw(entries[best])[0])
+    found = {}
+    for name in others:
+        gain, words = _best_flaw(entries[name])
+        left = level - entries[name].log_evidence - gain
+        if gain > INDIFFERENT and left < _STRONG:
+            found[name] = words, left
+    return found
+
+
+def _best_flaw(entry: Entry) -> tuple[float, str]:
+    """Largest log Bayes factor of a flaw, and the flaw in words; -inf where none was tried."""
+    fact = entry.fit.facts.get("slips")
+    tests = {} if fact is None else fact.figures["tests"]
+    known = {name: tests[name] for name in FLAWS if "log_bayes_factor" in tests.get(name, ())}
+    if not known:
+        return -math.inf, ""
+    name = max(known, key=lambda one: known[one]["log_bayes_factor"])
+    test = known[name]
+    slip = Slip(name, test["drop"], test["p"], test["size"], test["sd"])
+    return test["log_bayes_factor"], flaw_words(slip)

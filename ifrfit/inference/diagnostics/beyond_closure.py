@@ -10,8 +10,8 @@ from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES

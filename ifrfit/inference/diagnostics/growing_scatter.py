@@ -9,9 +9,8 @@ import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, ratio_exceeds
-from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
+from ifrfit.inference.diagnostics.residuals import Residuals, outliers, residuals_of
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem

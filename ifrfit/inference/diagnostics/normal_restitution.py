@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, LawOfSpeed
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS, LawOfSpeed
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text, plus_minus
 

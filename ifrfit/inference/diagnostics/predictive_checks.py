@@ -7,19 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.lack_of_fit import SMOOTH, misfit, most_orderly, oblique_groups
-from ifrfit.inference.diagnostics.outliers import row_name
+from ifrfit.inference.diagnostics.residuals import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Index
+from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
-
-Array = NDArray[np.float64]
 
 _MOST = 2_000_000  # row evaluations spent on the checks
 _FEWEST = 8  # draws, however many rows there are

@@ -11,8 +11,7 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.lack_of_fit import chi2_of_given, lack_of_fit
-from ifrfit.inference.diagnostics.outliers import outliers
-from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
+from ifrfit.inference.diagnostics.residuals import Residuals, outliers, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.parameters import Domain, Parameter

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem

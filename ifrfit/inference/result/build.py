@@ -13,12 +13,17 @@ import numpy as np
 
 from ifrfit._version import __version__
 from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
-from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum
-from ifrfit.inference.diagnostics.identifiability import identifiable
-from ifrfit.inference.diagnostics.modes import several_modes
-from ifrfit.inference.diagnostics.omitted_effects.assess import causes_of, criteria_of
+from ifrfit.inference.diagnostics.causes import causes_of
+from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import effect_lines
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.optimum_facts import (
+    angle_offset,
+    at_bound,
+    global_optimum,
+    identifiable,
+    several_modes,
+)
 from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
@@ -119,7 +124,7 @@ def summarize_optimum(
         kappas,
         statistics_of(problem, optimum, residuals, sticks),
         residuals,
-        criteria_of(problem, optimum, conditions, derived),
+        effect_lines(problem, optimum, conditions, derived),
         pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.inference.comparison.flaws import rivals_with_flaws
-from ifrfit.inference.comparison.types import HOPELESS
-from ifrfit.inference.comparison.verdict import title
-from ifrfit.inference.diagnostics.omitted_effects.messages import called_title
+from ifrfit.inference.comparison.result import HOPELESS
+from ifrfit.inference.comparison.verdict import rivals_with_flaws, title
+from ifrfit.inference.diagnostics.omitted_effects.selection import called_title
 from ifrfit.physics import get_closure
 from ifrfit.report.sentences import scene_notes
 from ifrfit.text import as_given, joined

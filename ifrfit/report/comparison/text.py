@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from html import escape
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.inference.comparison.types import PsiPlane, Slope
+from ifrfit.inference.comparison.result import PsiPlane, Slope
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.result.types import Interval
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, Column, criteria, cross_validated

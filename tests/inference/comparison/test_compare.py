@@ -14,7 +14,7 @@ import ifrfit
 from ifrfit import Noise
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.closure_questions import chosen_closures
+from ifrfit.inference.comparison.compare import chosen_closures
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.physics.closures import CLOSURES
 

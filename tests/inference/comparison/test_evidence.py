@@ -12,7 +12,7 @@ from factories import problem_of
 from scipy import special
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.information_criteria import probabilities
+from ifrfit.inference.comparison.compare import probabilities
 from ifrfit.inference.posterior import integrate, log_evidence
 from ifrfit.physics.closures import CLOSURES
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.flaws import rivals_with_flaws
+from ifrfit.inference.comparison.verdict import rivals_with_flaws
 from ifrfit.physics import rebound
 
 GAMMA = np.linspace(3.0, 80.0, 40)

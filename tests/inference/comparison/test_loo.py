@@ -11,7 +11,7 @@ from factories import problem_of
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
-from ifrfit.inference.comparison.types import HOPELESS
+from ifrfit.inference.comparison.result import HOPELESS
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.posterior import integrate, log_evidence

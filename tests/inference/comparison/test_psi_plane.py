@@ -12,8 +12,7 @@ from factories import problem_of, rest_long
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ifrfit.inference.comparison.psi_plane import psi_plane
-from ifrfit.inference.comparison.psi_rows import psi_rows
+from ifrfit.inference.comparison.psi_plane import psi_plane, psi_rows
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics.closures import CLOSURES
 

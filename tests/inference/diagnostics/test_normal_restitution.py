@@ -7,7 +7,7 @@ import pytest
 from factories import impacts_file
 
 from ifrfit import fit
-from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
 from ifrfit.physics import rebound
 
 ANGLES = np.linspace(5.0, 80.0, 20)

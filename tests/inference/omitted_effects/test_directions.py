@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import computed, impacts_of, speeds
-from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import directions
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import (
+    computed,
+    directions,
+    impacts_of,
+    speeds,
+)
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 from ifrfit.physics.compliance import chi_of

@@ -12,7 +12,7 @@ import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.compare import compare_result
-from ifrfit.inference.comparison.types import Loo
+from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
-    Array,
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import (
     computed,
     impacts_of,
     speeds,
@@ -19,7 +20,9 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.diagnostics.quadratic_forms import orthonormal
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import by_entry
 from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose, plane_effects
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -28,18 +31,22 @@ _BY_SPEED = ("normal", "adhesion", "fluid")
 
 
 def effect_lines(
-    problem: Problem, fit: LeastSquaresFit, setting: Setting, *, kappa_known: bool
+    problem: Problem, fit: LeastSquaresFit, setting: Setting | None, derived: Mapping[str, Any]
 ) -> tuple[EffectLine, ...]:
-    """Every effect but motion across the plane of incidence, which each fit computes.
+    """Every effect but motion across the plane of incidence, which each fit computes; none without a scene.
 
     Parameters
     ----------
     problem : Problem
     fit : LeastSquaresFit
-    setting : Setting
-    kappa_known : bool
-        Whether the data determine kappa, or it is fixed.
+    setting : Setting or None
+        The scene of the data.
+    derived : mapping
+        Name to `Estimate`, or to one a series.
     """
+    if setting is None:
+        return ()
+    kappa_known = all(one.value is not None for one in by_entry({"kappa": derived["kappa"]}).values())
     scene = _Scene(problem, fit, setting)
     lines = []
     for name, effect in EFFECTS.items():

@@ -1,7 +1,7 @@
 """How each effect would move the fitted values, to first order or at the size that its theory says.
 
 A direction is taken at the fit, from the effect's own physics, and never fitted: so whether the residuals
-lie along it is a test of one degree of freedom, see `score`.
+lie along it is a test of one degree of freedom, see `score_tests`.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
-    Array,
-    computed,
-    impacts_of,
-    speeds,
-)
-from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, reference_speed
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE
+from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, chi_range
-from ifrfit.physics.effects import Contact
+from ifrfit.physics.effects import Contact, Impacts, compose, plane_effects
 from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.effects.plasticity import restitution as after_yield
+from ifrfit.physics.effects.viscoelastic import restitution as after_dissipation
 from ifrfit.physics.impulse_laws import Coefficients
 
+_PLACES = 4000  # places of a law's number, to invert it to 1e-6
+_BINS = 64  # of log speed, for the mean
+_HALVINGS = 40
+
+LawOfSpeed = Callable[[Array], Array]
 # no effects of the registry, but what a misfit may be instead
 RIVALS = (
     "sticking-law",
@@ -45,6 +45,84 @@ _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
 _GRAZING = 1e-3  # cosine of the angle below which a tangent is cut off
 _LOWEST = 0.02  # e_n below which nothing is left to fall
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
+
+
+def impacts_of(problem: Problem, theta: Array, speed: Array, radius: Array) -> Impacts:
+    """The rows' impacts with the fitted constants.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta : ndarray
+    speed, radius : ndarray, (n,)
+        m/s and m; nan where not known.
+    """
+    e_n, c, mu = problem.per_row(theta)
+    return Impacts(problem.rows.incidence, speed, radius, problem.closure, e_n, c, mu)
+
+
+def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str, ...]) -> Array:
+    """Value of each row with these effects, (n,); nan where an effect leaves none.
+
+    Every fit is in three dimensions.
+    """
+    outcome, mu = compose(contact, impacts, (*on, *plane_effects())), impacts.mu
+    out = np.empty(mu.size)
+    for observable, at, _ in problem.rows.by_observable:
+        out[at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[at]
+    return out
+
+
+def speeds(problem: Problem, otherwise: float = np.nan) -> Array:
+    """Incoming speed of each row, m/s; `otherwise` where a row states none."""
+    stated = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    return np.where(np.isfinite(stated), stated, otherwise)
+
+
+def dissipating(e_n: float) -> LawOfSpeed:
+    """Viscoelastic e_n by V/V_0, through e_n at 1."""
+    x = _inverse(after_dissipation, np.geomspace(1e4, 1e-8, _PLACES), e_n)
+    return lambda ratio: after_dissipation(x * ratio**0.2)
+
+
+def yielding(e_n: float) -> LawOfSpeed:
+    """Elastic-plastic e_n by V/V_0, through e_n at 1."""
+    r = _inverse(after_yield, np.geomspace(1e-8, 1.0, _PLACES), e_n)
+    return lambda ratio: after_yield(r / ratio)
+
+
+LAWS = {"viscoelastic": dissipating, "plasticity": yielding}
+
+
+def _inverse(law: LawOfSpeed, number: Array, e_n: float) -> float:
+    """Number at which a law gives e_n; numbers in the order of rising e_n."""
+    return float(np.exp(np.interp(e_n, law(number), np.log(number))))
+
+
+def reference_speed(law: LawOfSpeed, e_n: float, speed: Array, weight: Array) -> float:
+    """V_0 at which the law has the mean e_n: the constant that would be fitted to it.
+
+    Parameters
+    ----------
+    law : callable
+        Of V/V_0, through e_n at 1, falling.
+    e_n : float
+    speed, weight : ndarray, (n,)
+        Normal speeds, positive; how much each row says of e_n.
+    """
+    logs = np.log(speed)
+    low, high = float(logs.min()), float(logs.max())
+    if low == high or not weight.any():
+        return float(np.exp(logs.mean()))
+    mass, edges = np.histogram(logs, _BINS, weights=weight)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    for _ in range(_HALVINGS):
+        half = 0.5 * (low + high)
+        if float(mass @ (law(np.exp(middle - half)) - e_n)) < 0.0:
+            low = half
+        else:
+            high = half
+    return float(np.exp(0.5 * (low + high)))
 
 
 @dataclass(frozen=True)

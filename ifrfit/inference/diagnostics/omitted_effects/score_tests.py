@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import Array
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.quadratic_forms import orthonormal
+from ifrfit.inference.model.rows import Array
 
 # a direction of which the constants take all but this share is none
 _SPANNED = 1e-4

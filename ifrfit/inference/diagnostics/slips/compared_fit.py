@@ -11,8 +11,9 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables
-from ifrfit.inference.diagnostics.slips.nuisances import Sized
+from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
+from ifrfit.inference.diagnostics.slips.slip import LARGEST
 from ifrfit.inference.diagnostics.thresholds import DECISIVE
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
@@ -20,6 +21,8 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _AT_ONCE = 2_000_000  # numbers of values that are held for several tables
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
+MOST_SERIES = 12  # beyond, none is looked for in single series
+_PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
 
 
 @dataclass(frozen=True)
@@ -38,11 +41,27 @@ class ComparedFit:
     misfit: Misfit
 
     @classmethod
+    def of(cls, problem: Problem, fit: LeastSquaresFit) -> ComparedFit:
+        """With the noise of the problem; of other errors the weights at the fit stand for a known sigma."""
+        plain = problem.error_model.is_plain
+        return cls(problem, fit, Misfit.of(problem) if plain else Misfit(fit.sigma, ()))
+
+    @classmethod
     def by_series(cls, problem: Problem, fit: LeastSquaresFit) -> ComparedFit:
         """With an unknown noise of each series: one of several that is off is no reason for a common one."""
         given = problem.noise.is_given
         groups = tuple(rows for rows in problem.groups().values() if not given[rows].all())
         return cls(problem, fit, Misfit(problem.noise.base, groups))
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residuals of the fit, (n,)."""
+        return self.problem.residual(self.fit.optimum.theta)
+
+    @cached_property
+    def dof(self) -> int:
+        """Rows less constants."""
+        return len(self.problem.rows) - round(float(self.fit.gaussian.leverage.sum()))
 
     @cached_property
     def before(self) -> Array:
@@ -104,21 +123,15 @@ class ComparedFit:
             yield from zip(tables.every, after, strict=True)
 
 
-def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
-    """Rows less constants."""
-    return len(problem.rows) - round(float(fit.gaussian.leverage.sum()))
-
-
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
     """Fall of -2 log likelihood with an effect along its direction, fitted as a slip is."""
     change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
-    misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
 
     def along(theta: Array, size: Array) -> Array:
         return problem.predict(theta) + size[:, None] * change
 
     values = score.direction.values or along
-    return ComparedFit(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
+    return ComparedFit.of(problem, fit).with_size(values, score.strength, (least, math.inf))[0]
 
 
 def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:
@@ -141,3 +154,56 @@ def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> flo
     base[row] = np.inf
     scattered = Misfit(base, (np.delete(np.arange(size), row),))
     return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """Offsets of the angles of each series, beside constants that all share.
+
+    Attributes
+    ----------
+    drop : float
+        Fall of -2 log likelihood with them.
+    size : ndarray, (n_series,)
+        Degrees by which the true angles exceed the given ones.
+    """
+
+    drop: float
+    size: Array
+
+
+def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
+    """Fit an offset of the angles of each series; None without angles, or where one is no slip."""
+    count = len(problem.series)
+    named = [each for each in nuisances(problem) if each.name == "angle-offset"]
+    plain = problem.error_model.is_plain and fit.angle_offset is None
+    if not named or not plain or not 1 < count <= MOST_SERIES:
+        return None
+    whole, offset = ComparedFit.of(problem, fit), named[0]
+    lower, upper = problem.parameters.bounds()
+    ends = (np.full(count, end) for end in offset.limits)
+    bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
+
+    def values(x: Array, _: Index) -> Array:
+        by_row = x[0, :, lower.size :][:, problem.rows.series]
+        return readings(problem, x[0, :, : lower.size], Flaw(offset=by_row))[None]
+
+    x, after = search(
+        values,
+        whole.misfit,
+        problem.rows.value,
+        np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
+        (bounds[0], bounds[1]),
+    )
+    drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
+    size = x[0, lower.size :]
+    return Offsets(drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
+
+
+def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
+    """Of a few offsets of the angles the best of each series, at the constants of a fit."""
+    theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
+    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
+    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
+    owners = problem.rows.series == np.arange(len(problem.series))[:, None]
+    return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,9 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
-from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, careful_drop, degrees_of_freedom
-from ifrfit.inference.diagnostics.slips.missing_values import missing_values
-from ifrfit.inference.diagnostics.slips.mixed_readings import mixed_readings
+from ifrfit.inference.diagnostics.slips.compared_fit import MOST_SERIES, ComparedFit, careful_drop
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, directions_of, nuisances, of_series
-from ifrfit.inference.diagnostics.slips.refit import Misfit
-from ifrfit.inference.diagnostics.slips.series_offsets import MOST_SERIES
+from ifrfit.inference.diagnostics.slips.single_rows import missing_values, mixed_readings
 from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -36,90 +34,94 @@ _LITTLE = 0.1  # share of the values' scatter that is left, from which a law exp
 
 def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
     """Whether too few rows are left beside the constants to tell anything."""
-    return degrees_of_freedom(problem, fit) < _FEWEST
+    return ComparedFit.of(problem, fit).dof < _FEWEST
 
 
 def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
     """Every slip that these rows could show, `differ` where series do not share constants."""
-    residual = problem.residual(fit.optimum.theta)
+    whole = ComparedFit.of(problem, fit)
     plain = problem.error_model.is_plain
-    # under other errors their weights at the fit stand for a known sigma
-    misfit = Misfit.of(problem) if plain else Misfit(fit.sigma, ())
-    whole = ComparedFit(problem, fit, misfit)
     sized = _sized(problem, fit)
-    found = _of_size(whole, sized, residual)
-    if plain and not _usual(problem, fit, residual):
+    found = _of_size(whole, sized)
+    if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += missing_values(problem, fit)
-        if _explains_little(problem, residual):
+        if _explains_little(whole):
             found += _mixed(whole)
     if plain and 1 < len(problem.series) <= MOST_SERIES:
-        found += _in_series(problem, fit, sized, residual, differ=differ)
+        found += _in_series(ComparedFit.by_series(problem, fit), sized, differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
         found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
 
 
-def _usual(problem: Problem, fit: LeastSquaresFit, residual: Array) -> bool:
+def _usual(whole: ComparedFit) -> bool:
     """Whether chi2 leaves no room for a decisive alternative, which would have a chi2 of its own."""
-    if not problem.noise.is_known:
+    if not whole.problem.noise.is_known:
         return False
-    chi2 = float(((residual / fit.sigma) ** 2).sum())
-    return chi2 < DECISIVE + float(special.chdtri(degrees_of_freedom(problem, fit), 1.0 - _USUAL))
+    chi2 = float(((whole.residual / whole.fit.sigma) ** 2).sum())
+    return chi2 < DECISIVE + float(special.chdtri(whole.dof, 1.0 - _USUAL))
 
 
 def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Direction]]:
     """Slips with a size, each with the derivative of the values by it."""
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
     sized = [each for each in nuisances(problem) if each.name not in fitted]
-    return list(zip(sized, directions_of(problem, sized, fit.optimum.theta), strict=True))
+    return list(zip(sized, directions_of(sized, fit.optimum.theta), strict=True))
 
 
-def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]], residual: Array) -> list[Slip]:
+def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]]) -> list[Slip]:
     """Score tests along the derivative by each size; those that matter are fitted."""
-    problem, fit = whole.problem, whole.fit
-    known = problem.noise.is_known and problem.error_model.is_plain
-    every = [(each, replace(one, change=one.change / fit.sigma)) for each, one in sized]
+    sigma = whole.fit.sigma
+    every = [(each, replace(one, change=one.change / sigma)) for each, one in sized]
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
     every = [(each, one) for each, one in every if each.most * np.abs(one.change).max() > _INVISIBLE]
-    jacobian = problem.jacobian(fit.optimum.theta) / fit.sigma[:, None]
-    tested = scores([direction for _, direction in every], jacobian, residual / fit.sigma, known=known)
-    best: dict[str, tuple[Score, float]] = {}
+    best: dict[str, tuple[Nuisance, Score, float]] = {}
+    for nuisance, score, p in _tested(whole, every, sigma):
+        if nuisance.name not in best or score.drop > best[nuisance.name][1].drop:
+            best[nuisance.name] = (nuisance, score, p)
+    return [_slip(whole, *each) for each in best.values()]
+
+
+def _tested(
+    whole: ComparedFit, sized: Sequence[tuple[Nuisance, Direction]], sigma: Array
+) -> Iterator[tuple[Nuisance, Score, float]]:
+    """Score tests along derivatives in units of sigma, each with p corrected for their number."""
+    problem = whole.problem
+    jacobian = problem.jacobian(whole.fit.optimum.theta) / sigma[:, None]
+    known = problem.noise.is_known and problem.error_model.is_plain
+    tested = scores([direction for _, direction in sized], jacobian, whole.residual / sigma, known=known)
     for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
-        if score.direction.name not in best or score.drop > best[score.direction.name][0].drop:
-            best[score.direction.name] = (score, p)
-    found = []
-    for score, p in best.values():
-        nuisance = next(each for each, direction in every if direction is score.direction)
-        slip = _slip(nuisance, score, p)
-        found.append(_fitted(whole, nuisance, slip) if p < REFUTED else slip)
-    return found
+        yield next(each for each, direction in sized if direction is score.direction), score, p
 
 
-def _slip(nuisance: Nuisance, score: Score, p: float, series: str = "") -> Slip:
-    """A slip as its score test has it."""
-    return Slip(
-        nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual, nuisance.likely, series=series
+def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Slip:
+    """A slip as its score test has it; where that matters, with its size fitted beside the constants."""
+    slip = Slip(
+        nuisance.name,
+        score.drop,
+        p,
+        score.strength,
+        score.sd,
+        nuisance.usual,
+        nuisance.likely,
+        series=nuisance.series,
     )
-
-
-def _fitted(whole: ComparedFit, nuisance: Nuisance, slip: Slip) -> Slip:
-    """The slip with its size fitted beside the constants."""
+    if p >= REFUTED:
+        return slip
     drop, size, theta = whole.with_size(nuisance.values, slip.size, nuisance.limits)
-    # the score may see what a constant explains that was fixed, and is free here
-    p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
     low, high = nuisance.limits
-    is_least = size <= _LIMIT * low or size >= _LIMIT * high
     at = whole.problem.parameters.positions
     return replace(
         slip,
         drop=drop,
-        p=p,
+        # the score may see what a constant explains that was fixed, and is free here
+        p=max(p, float(special.chdtrc(1, max(drop, 0.0)))),
         size=size,
-        is_least=is_least,
+        is_least=size <= _LIMIT * low or size >= _LIMIT * high,
         constant=nuisance.constant,
         middle=float(theta[at[nuisance.constant]].mean()) if nuisance.constant else 0.0,
         e_n=float(theta[at["e_n"][0]]),
@@ -129,7 +131,7 @@ def _fitted(whole: ComparedFit, nuisance: Nuisance, slip: Slip) -> Slip:
 def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share: float = 1.0) -> list[Slip]:
     """Likelihood ratios of tables with other signs, angles or names; times `count`, dof times `share`."""
     before, misfit = whole.before, whole.misfit
-    dof = share * degrees_of_freedom(whole.problem, whole.fit)
+    dof = share * whole.dof
     found = []
     for each, after in whole.of_alternatives(every):
         drop = whole.likelihood - float(misfit.likelihood(after))
@@ -142,7 +144,7 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
 def _mixed(whole: ComparedFit) -> list[Slip]:
     """Tables some rows of which are read in another way, where that is decisive."""
     found = []
-    dof = degrees_of_freedom(whole.problem, whole.fit)
+    dof = whole.dof
     for each in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
         drop = whole.likelihood - float(whole.misfit.likelihood(each.residual)) - each.penalty
         if drop <= DECISIVE:
@@ -162,90 +164,79 @@ def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
     return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
 
 
-def _in_series(
-    problem: Problem,
-    fit: LeastSquaresFit,
-    sized: list[tuple[Nuisance, Direction]],
-    residual: Array,
-    *,
-    differ: bool,
-) -> list[Slip]:
+def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]], *, differ: bool) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
     Those without are tried where the series do not share constants, one of them scatters more than the
     others, or the law explains little: in no other could a slip hide. p values are multiplied by the number
     of series.
     """
-    n = len(problem.rows)
+    problem = whole.problem
     count = np.bincount(problem.rows.series, minlength=len(problem.series))
     series = [number for number, rows in enumerate(count.tolist()) if rows >= _FEWEST_OF_SERIES]
-    sized = [(each, one) for each, one in sized if not each.constant]
-    whole = ComparedFit.by_series(problem, fit)
+    dof = np.maximum(count - problem.parameters.free.sum(), 0)
     known = problem.noise.is_known
-    sigma = fit.sigma if known else _sigma_by_series(problem, fit, residual)
-    owners: list[tuple[Nuisance, int, Direction]] = []
+    sigma = whole.fit.sigma if known else _sigma_by_series(whole)
+    of_one = []
     for number in series:
-        own = problem.rows.series == number
-        owners += [
-            (each, number, replace(one, change=np.where(own, one.change, 0.0) / sigma)) for each, one in sized
+        only = np.where(problem.rows.series == number, 1.0 / sigma, 0.0)
+        of_one += [
+            (of_series(problem, each, number), replace(one, change=one.change * only))
+            for each, one in sized
+            if not each.constant
         ]
-    jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
-    tested = scores([direction for *_, direction in owners], jacobian, residual / sigma, known=known)
+    tested = list(_tested(whole, of_one, sigma))
     found = []
-    for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
-        nuisance, number = next((each, i) for each, i, one in owners if one is score.direction)
-        dof = count[number] - problem.parameters.free.sum()
+    for nuisance, score, p in tested:
         if not known:  # the noise of a series is known from its own rows
-            t = score.strength / score.sd
-            p = max(p, len(tested) * 2.0 * float(special.stdtr(max(dof, 1), -abs(t))))
+            own = max(dof[problem.series.index(nuisance.series)], 1)
+            p = max(p, len(tested) * 2.0 * float(special.stdtr(own, -abs(score.strength / score.sd))))
         if p < REFUTED:
-            slip = _slip(nuisance, score, p, problem.series[number])
-            found.append(_fitted(whole, of_series(problem, nuisance, number), slip))
-    differ = differ or _explains_little(problem, residual)
+            found.append(_slip(whole, nuisance, score, p))
+    differ = differ or _explains_little(whole)
     for number in series:
-        if differ or _scatters_more(problem, fit, residual, number):
-            share = max(count[number] - problem.parameters.free.sum(), 0) / count[number]
-            share *= n / max(degrees_of_freedom(problem, fit), 1)
-            every = list(alternatives(problem, number))
-            found += [
-                slip for slip in _unsized(whole, every, len(series), min(share, 1.0)) if is_decisive(slip)
-            ]
+        if differ or _scatters_more(whole, number):
+            share = min(dof[number] / count[number] * len(problem.rows) / max(whole.dof, 1), 1.0)
+            unsized = _unsized(whole, list(alternatives(problem, number)), len(series), share)
+            found += [slip for slip in unsized if is_decisive(slip)]
     return found
 
 
-def _sigma_by_series(problem: Problem, fit: LeastSquaresFit, residual: Array) -> Array:
+def _sigma_by_series(whole: ComparedFit) -> Array:
     """Standard uncertainty of each row from the scatter of its series and observable, (n,)."""
-    sigma = fit.sigma.copy()
-    for rows in problem.groups().values():
+    fit, sigma = whole.fit, whole.fit.sigma.copy()
+    for rows in whole.problem.groups().values():
         dof = max(rows.size - float(fit.gaussian.leverage[rows].sum()), 1.0)
-        square = float(((residual[rows] / fit.sigma[rows]) ** 2).sum()) / dof
+        square = float(((whole.residual[rows] / fit.sigma[rows]) ** 2).sum()) / dof
         sigma[rows] *= math.sqrt(max(square, 1e-12))
     return sigma
 
 
-def _explains_little(problem: Problem, residual: Array) -> bool:
+def _explains_little(whole: ComparedFit) -> bool:
     """Whether residuals of an observable that knows the closure scatter nearly as its values do."""
-    for observable in problem.rows.observables:
-        own = problem.rows.rows_of(observable.name)
+    rows, residual = whole.problem.rows, whole.residual
+    for observable in rows.observables:
+        own = rows.rows_of(observable.name)
         if observable.kind in OBLIQUE and own.size:
-            about_mean = problem.rows.value[own] - problem.rows.value[own].mean()
+            about_mean = rows.value[own] - rows.value[own].mean()
             if float(residual[own] @ residual[own]) > _LITTLE * float(about_mean @ about_mean):
                 return True
     return False
 
 
-def _scatters_more(problem: Problem, fit: LeastSquaresFit, residual: Array, number: int) -> bool:
+def _scatters_more(whole: ComparedFit, number: int) -> bool:
     """Whether a series scatters more than the others in any observable, or than its sigma."""
-    square = (residual / fit.sigma) ** 2
-    own = problem.rows.series == number
-    free = 1.0 - fit.gaussian.leverage
-    for which in range(len(problem.rows.names)):
-        of = problem.rows.which == which
+    rows = whole.problem.rows
+    square = (whole.residual / whole.fit.sigma) ** 2
+    own = rows.series == number
+    free = 1.0 - whole.fit.gaussian.leverage
+    for which in range(len(rows.names)):
+        of = rows.which == which
         here, there = of & own, of & ~own
         dof, rest = float(free[here].sum()), float(free[there].sum())
         if dof < 1.0:
             continue
-        if problem.noise.is_known:
+        if whole.problem.noise.is_known:
             p = float(special.chdtrc(dof, square[here].sum()))
         elif rest < 1.0 or square[there].sum() <= 0.0:
             continue

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
-from ifrfit.inference.diagnostics.outliers import exclude_name
+from ifrfit.inference.diagnostics.omitted_effects.selection import short_words
+from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
-from ifrfit.inference.diagnostics.slips.series_offsets import Offsets
+from ifrfit.inference.diagnostics.slips.compared_fit import Offsets
 from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -30,6 +30,114 @@ _KINDS = {
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
 _NEAR = 0.02  # of an inertia factor, from that of a known body
+# small flaws of the measurement
+FLAWS = ("angle-offset", "camera-turn", *_SCALES)
+# what is off, and what to do
+_SIZED = {
+    "angle-offset": (
+        "angles of incidence off by {opposite} degrees",
+        "check the zero of the angle, or let it be fitted with --angle-offset {prior:.1f}",
+    ),
+    "camera-turn": (
+        "a camera turned against the wall by {size} degrees",
+        "take {slip.size:.2g} degrees off the directions before impact, add them to those after",
+    ),
+    "speed-scale": (
+        "speeds after impact {percent} off beside those before",
+        "check scale and times of the camera",
+    ),
+    "scale-along-wall": (
+        "lengths along the wall {percent} off beside those across it",
+        "check that pixels are squares and that the camera looks along the wall",
+    ),
+    "spin-scale": ("spins {percent} off beside the speeds", "check the radius and the scale"),
+    "incoming-spin": (
+        "spin before impact that is not in it, R omega_y/u of some {size}",
+        "measure it; a column spin_y holds it",
+    ),
+    "incoming-roll": (
+        "spin before impact that is not in it, some {size} of pure rolling",
+        "measure it; a column spin_y holds R omega_y/u, negative in rolling",
+    ),
+    "spin-zero": (
+        "spins before impact whose zero is off, R omega_y/u larger by {size} than the table has it",
+        "check their zero; add {slip.size:.2g} to the column spin_y",
+    ),
+}
+_DRIFT = (
+    "a drift of {slip.constant} along it, from {first:.3g} to {last:.3g} (by {size})",
+    "look for wear, dirt or temperature; name days, runs or parts in a column series, and give each its "
+    "own with --separate {slip.constant}",
+)
+# what is divided by a scale to try it
+_SCALED = {
+    "speed-scale": "velocities after",
+    "scale-along-wall": "those along it, before and after,",
+    "spin-scale": "the spins",
+}
+_UNSIZED = {
+    "angle-in-radians": (
+        "angles of incidence in radians, which were read as degrees",
+        "--convention angle=rad",
+    ),
+    "angles-from-wall": (
+        "angles of incidence and {0} from the wall, which were read as those from the normal",
+        "--convention angle=from-wall, and 90 degrees less {0} in its column",
+    ),
+    "from-wall": (
+        "{0} from the wall, which was read as that from the normal",
+        "take 90 degrees less {0}",
+    ),
+    "size": (
+        "{0} without its sign",
+        "give the readings their signs: one that is turned back has another",
+    ),
+    "sign": ("the opposite sign in {0}", "turn the sign round"),
+    "exchanged": ("{0} in each other's columns", "exchange the headers"),
+    "squared": ("{0} as a ratio of energies or heights", "take the square root of {0}"),
+    "percent": ("{0} in percent", "divide {0} by 100"),
+    "radians": ("{0} in radians", "call the column {1}_rad"),
+    "meant-beta_cm": ("beta_cm in the column of {0}", "--convention beta=centre"),
+}
+_MEANT = ("{2} in the column of {0}", "--convention column:{2}={0}")
+_MIXED = {
+    "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
+    "mixed-percent": ("in percent", "divide the values of these lines by 100"),
+    "mixed-angle-from-wall": (
+        "angles from the wall beside angles from the normal",
+        "take 90 degrees less the angle there",
+    ),
+    "mixed-angle-in-radians": (
+        "angles of incidence in radians",
+        "multiply the angles of these lines by 180/pi",
+    ),
+}
+_SPIN_WORDS = {
+    "spins-doubled": (
+        "twice as large as they are (a diameter for the radius?)",
+        "divide the spins by 2",
+    ),
+    "spins-halved": (
+        "half as large as they are (half a radius for the radius?)",
+        "multiply the spins by 2",
+    ),
+    "spins-in-hertz": (
+        "in revolutions, which were read as radians",
+        "multiply the spins by 2 pi",
+    ),
+    "spins-in-rpm": (
+        "in revolutions per minute, which were read as radians per second",
+        "multiply the spins by 2 pi/60",
+    ),
+    "spins-read-as-hertz": (
+        "in radians, which were read as revolutions",
+        "divide the spins by 2 pi",
+    ),
+    "spins-read-as-rpm": (
+        "in radians per second, which were read as revolutions per minute",
+        "multiply the spins by 60/(2 pi)",
+    ),
+}
 
 
 def none_words(tested: Sequence[Slip]) -> str:
@@ -97,95 +205,37 @@ def _is_repeated(slip: Slip, first: Slip) -> bool:
 
 def _words(problem: Problem, slip: Slip) -> tuple[str, str]:
     """What it is, and what to do."""
-    if slip.sd:
-        return _SIZED[slip.name](problem, slip)
-    return _unsized(problem, slip)
-
-
-def _percent(slip: Slip) -> str:
-    if slip.is_least:
-        return f"at least {abs(100.0 * slip.size):.0f} %"
-    return f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
-
-
-# small flaws of the measurement: what is off, and by how much
-FLAWS: dict[str, Callable[[Slip], str]] = {
-    "angle-offset": lambda slip: f"angles of incidence off by {plus_minus(-slip.size, slip.sd)} degrees",
-    "camera-turn": lambda slip: (
-        f"a camera turned against the wall by {plus_minus(slip.size, slip.sd)} degrees"
-    ),
-    "speed-scale": lambda slip: f"speeds after impact {_percent(slip)} off beside those before",
-    "scale-along-wall": lambda slip: f"lengths along the wall {_percent(slip)} off beside those across it",
-    "spin-scale": lambda slip: f"spins {_percent(slip)} off beside the speeds",
-}
-
-
-def _offset(problem: Problem, slip: Slip) -> tuple[str, str]:
-    prior = max(1.0, math.ceil(abs(slip.size)))
-    return (
-        FLAWS[slip.name](slip),
-        f"check the zero of the angle, or let it be fitted with --angle-offset {prior:.1f}",
-    )
-
-
-def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
-    return (
-        FLAWS[slip.name](slip),
-        f"take {slip.size:.2g} degrees off the directions before impact, add them to those after",
-    )
-
-
-def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
-    tried = "" if slip.is_least else f"; to try it, divide velocities after by {1.0 + slip.size:.4g}"
-    if tried and math.isfinite(slip.e_n) and problem.rows.has_kind("normal"):
-        tried += f", which makes e_n {slip.e_n:.2g}"
-    much = ", which is much for a slip of the hand" if abs(slip.size) > _MUCH else ""
-    return (
-        f"{FLAWS[slip.name](slip)}{much}",
-        f"check scale and times of the camera{tried}",
-    )
-
-
-def _along(problem: Problem, slip: Slip) -> tuple[str, str]:
-    tried = (
-        ""
-        if slip.is_least
-        else f"; to try it, divide those along it, before and after, by {1.0 + slip.size:.4g}"
-    )
-    return (
-        FLAWS[slip.name](slip),
-        f"check that pixels are squares and that the camera looks along the wall{tried}",
-    )
-
-
-def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
-    what = FLAWS[slip.name](slip)
-    if slip.is_least:
+    if not slip.sd:
+        return _unsized(problem, slip)
+    if slip.name == "inertia-factor":
+        return _inertia(problem, slip)
+    what, remedy = (_formatted(text, slip) for text in _SIZED.get(slip.name, _DRIFT))
+    if slip.name == "spin-scale" and slip.is_least:
         return what, "check their unit (rpm, rev/s, rad/s), and radius against diameter"
-    return what, f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}"
+    if slip.name in _SCALED and not slip.is_least:
+        remedy += f"; to try it, divide {_SCALED[slip.name]} by {1.0 + slip.size:.4g}"
+        if slip.name == "speed-scale" and math.isfinite(slip.e_n) and problem.rows.has_kind("normal"):
+            remedy += f", which makes e_n {slip.e_n:.2g}"
+    if slip.name == "speed-scale" and abs(slip.size) > _MUCH:
+        what += ", which is much for a slip of the hand"
+    return what, remedy
 
 
-def _incoming(problem: Problem, slip: Slip) -> tuple[str, str]:
-    size = plus_minus(slip.size, slip.sd)
-    return (
-        f"spin before impact that is not in it, R omega_y/u of some {size}",
-        "measure it; a column spin_y holds it",
-    )
+def flaw_words(slip: Slip) -> str:
+    """What is off by one of the `FLAWS`, and by how much."""
+    return _formatted(_SIZED[slip.name][0], slip)
 
 
-def _spin_zero(problem: Problem, slip: Slip) -> tuple[str, str]:
-    size = plus_minus(slip.size, slip.sd)
-    return (
-        f"spins before impact whose zero is off, R omega_y/u larger by {size} than the table has it",
-        f"check their zero; add {slip.size:.2g} to the column spin_y",
-    )
-
-
-def _rolled(problem: Problem, slip: Slip) -> tuple[str, str]:
-    size = plus_minus(slip.size, slip.sd)
-    return (
-        f"spin before impact that is not in it, some {size} of pure rolling",
-        "measure it; a column spin_y holds R omega_y/u, negative in rolling",
+def _formatted(text: str, slip: Slip) -> str:
+    percent = f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
+    return text.format(
+        slip=slip,
+        size=plus_minus(slip.size, slip.sd),
+        opposite=plus_minus(-slip.size, slip.sd),
+        percent=f"at least {abs(100.0 * slip.size):.0f} %" if slip.is_least else percent,
+        prior=max(1.0, math.ceil(abs(slip.size))),
+        first=slip.middle - 0.5 * slip.size,
+        last=slip.middle + 0.5 * slip.size,
     )
 
 
@@ -194,75 +244,7 @@ def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
     bodies = [(j, body) for j, body in BODIES.items() if abs(j - factor) < _NEAR + 2.0 * sd]
     j, body = min(bodies, key=lambda pair: abs(pair[0] - factor), default=(factor, ""))
     like = f" ({body} {j:.4g})" if body else ""
-    return (
-        f"another inertia factor, {plus_minus(factor, sd)}{like}",
-        f"--inertia-factor {j:.4g}",
-    )
-
-
-def _drift(problem: Problem, slip: Slip) -> tuple[str, str]:
-    return (
-        f"a drift of {slip.constant} along it, from {slip.middle - 0.5 * slip.size:.3g} to "
-        f"{slip.middle + 0.5 * slip.size:.3g} (by {plus_minus(slip.size, slip.sd)})",
-        "look for wear, dirt or temperature; name days, runs or parts in a column series, and give each its "
-        f"own with --separate {slip.constant}",
-    )
-
-
-_SIZED = {
-    "angle-offset": _offset,
-    "camera-turn": _turn,
-    "speed-scale": _speed,
-    "scale-along-wall": _along,
-    "spin-scale": _spin,
-    "incoming-spin": _incoming,
-    "incoming-roll": _rolled,
-    "spin-zero": _spin_zero,
-    "inertia-factor": _inertia,
-    "restitution-drift": _drift,
-    "friction-drift": _drift,
-    "sticking-drift": _drift,
-}
-
-
-_MIXED = {
-    "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
-    "mixed-percent": ("in percent", "divide the values of these lines by 100"),
-    "mixed-angle-from-wall": (
-        "angles from the wall beside angles from the normal",
-        "take 90 degrees less the angle there",
-    ),
-    "mixed-angle-in-radians": (
-        "angles of incidence in radians",
-        "multiply the angles of these lines by 180/pi",
-    ),
-}
-_SPIN_WORDS = {
-    "spins-doubled": (
-        "twice as large as they are (a diameter for the radius?)",
-        "divide the spins by 2",
-    ),
-    "spins-halved": (
-        "half as large as they are (half a radius for the radius?)",
-        "multiply the spins by 2",
-    ),
-    "spins-in-hertz": (
-        "in revolutions, which were read as radians",
-        "multiply the spins by 2 pi",
-    ),
-    "spins-in-rpm": (
-        "in revolutions per minute, which were read as radians per second",
-        "multiply the spins by 2 pi/60",
-    ),
-    "spins-read-as-hertz": (
-        "in radians, which were read as revolutions",
-        "divide the spins by 2 pi",
-    ),
-    "spins-read-as-rpm": (
-        "in radians per second, which were read as revolutions per minute",
-        "multiply the spins by 60/(2 pi)",
-    ),
-}
+    return f"another inertia factor, {plus_minus(factor, sd)}{like}", f"--inertia-factor {j:.4g}"
 
 
 def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
@@ -297,34 +279,8 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     if name.removesuffix("-after") in SPIN_UNITS:
         of, remedy = _SPIN_WORDS[name.removesuffix("-after")]
         return f"spins{' after impact' if name.endswith('-after') else ''} {of}", remedy
-    if name == "angles-from-wall":
-        return (
-            f"angles of incidence and {observable} from the wall, which were read as those from the normal",
-            f"--convention angle=from-wall, and 90 degrees less {observable} in its column",
-        )
-    if name == "from-wall":
-        return (
-            f"{observable} from the wall, which was read as that from the normal",
-            f"take 90 degrees less {observable}",
-        )
-    if name == "size":
-        return (
-            f"{observable} without its sign",
-            "give the readings their signs: one that is turned back has another",
-        )
-    if name == "exchanged":
-        return f"{observable} in each other's columns", "exchange the headers"
-    if name == "angle-in-radians":
-        return "angles of incidence in radians, which were read as degrees", "--convention angle=rad"
-    if name == "sign":
-        option = "--convention beta=opposite-sign" if observable == "beta" else "turn the sign round"
-        return f"the opposite sign in {observable}", option
-    if name == "squared":
-        return f"{observable} as a ratio of energies or heights", f"take the square root of {observable}"
-    if name == "percent":
-        return f"{observable} in percent", f"divide {observable} by 100"
-    if name == "radians":
-        return f"{observable} in radians", f"call the column {observable.removesuffix('_deg')}_rad"
-    there = name.removeprefix("meant-")
-    option = "beta=centre" if there == "beta_cm" else f"column:{there}={observable}"
-    return f"{there} in the column of {observable}", f"--convention {option}"
+    if name == "sign" and observable == "beta":
+        return "the opposite sign in beta", "--convention beta=opposite-sign"
+    parts = observable, observable.removesuffix("_deg"), name.removeprefix("meant-")
+    what, remedy = (text.format(*parts) for text in _UNSIZED.get(name, _MEANT))
+    return what, remedy

@@ -1,4 +1,4 @@
-"""Slips with a size: one unknown number beside the constants, along whose derivative residuals are tested."""
+"""Slips with a size, one number beside the constants, and what a measurement that is off by it reads."""
 
 from __future__ import annotations
 
@@ -7,22 +7,175 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.independence import is_sorted_by_values
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
-from ifrfit.inference.diagnostics.row_order import is_sorted_by_values
-from ifrfit.inference.diagnostics.slips.flawed_readings import Array, Flaw, of_inertia, readings
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE
+from ifrfit.inference.model.rows import OBLIQUE, Array
+from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
+from ifrfit.physics.rebound import Rebound, rebound_with
 
+Size = float | Array
 _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
-_OF_INCIDENCE = ("angle-offset", "spin-zero")  # the values are those of the true impact
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
 Sized = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """By how much a measurement is off; nothing by default. Of several, each field is a column, (m, 1).
+
+    Attributes
+    ----------
+    offset : float or ndarray
+        Degrees by which the true angle of incidence exceeds the given one.
+    turn : float or ndarray
+        Degrees by which the camera is turned against the normal of the wall: the angle it reads before
+        impact is larger by so much, the one after impact smaller.
+    speed : float or ndarray
+        Share by which velocities after impact are read too large.
+    along : float or ndarray
+        Share by which components along the wall, before impact and after, are read too large beside those
+        across it: pixels that are no squares, or a camera that looks at an angle.
+    spin : float or ndarray
+        Share by which spins, before and after, are read too large.
+    constant_spin : float or ndarray
+        R omega_y/u of every impact that the table does not hold.
+    rolled : float or ndarray
+        Share of pure rolling before impact, R omega_y = -u sin(gamma), that the table does not hold.
+    spin_zero : float or ndarray
+        R omega_y/u by which the true spin before every impact exceeds the given one.
+    """
+
+    offset: Size = 0.0
+    turn: Size = 0.0
+    speed: Size = 0.0
+    along: Size = 0.0
+    spin: Size = 0.0
+    constant_spin: Size = 0.0
+    rolled: Size = 0.0
+    spin_zero: Size = 0.0
+
+
+class Reading(Rebound):
+    """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
+
+    @property
+    def contact_x(self) -> Array:
+        """Velocity of the contact point along x, from those as read."""
+        return self.v_x + self.spin_y
+
+    @property
+    def contact_y(self) -> Array:
+        """Velocity of the contact point along y, from those as read."""
+        return self.v_y + self.spin_x
+
+    @property
+    def beta(self) -> Array:
+        """Tangential restitution of the contact point, from its velocities as read."""
+        before = self.incidence
+        along = self.contact_x * before.slip_x + self.contact_y * before.slip_y
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(before.slip == 0.0, np.nan, -along / before.slip**2))
+
+
+def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
+    """Value of each row, without noise, as a flawed measurement has it.
+
+    Parameters
+    ----------
+    problem : Problem
+        With angles and spins as given.
+    theta : ndarray, (..., p)
+    flaw : Flaw
+
+    Returns
+    -------
+    ndarray, (..., n)
+    """
+    given, true = problem.rows.incidence, _true_incidence(problem, flaw)
+    e_n, c, mu = problem.per_row(theta)
+    law = problem.closure.law(problem.inertia_factor)
+    k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
+    state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
+    if _is_of_incidence(flaw):  # the values are those of the true impact
+        return _values(problem, state, mu)
+    cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
+    # everything is over the incoming speed as it is read
+    length = _speed_before(true, flaw)
+    speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
+    v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
+    v_n = speed * (state.v_n * cosine + state.v_x * sine)
+    v_y, spin_x, spin_y = speed * stretch * state.v_y, spin * state.spin_x, spin * state.spin_y
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
+        impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
+    parts = (v_x, v_y, v_n, spin_x, spin_y, sticks.astype(bool), impulse)
+    return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
+
+
+def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
+    """The impacts as they were, from what is given of them."""
+    given = problem.rows.incidence
+    gamma = problem.rows.gamma_deg + flaw.offset - flaw.turn
+    if np.any(flaw.along):
+        gamma = np.degrees(
+            np.arctan2(np.sin(np.radians(gamma)), (1.0 + flaw.along) * np.cos(np.radians(gamma)))
+        )
+    sine, cosine = np.sin(np.radians(gamma)), np.cos(np.radians(gamma))
+    scale = np.hypot((1.0 + flaw.along) * sine, cosine) / (1.0 + flaw.spin)
+    spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * sine
+    return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
+
+
+def _speed_before(true: Incidence, flaw: Flaw) -> Size:
+    """The incoming speed as it is read, over the true one."""
+    if not np.any(flaw.along):
+        return 1.0
+    return np.hypot((1.0 + flaw.along) * true.sine, true.cosine)
+
+
+def _is_of_incidence(flaw: Flaw) -> bool:
+    """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
+    others = (flaw.turn, flaw.speed, flaw.along, flaw.spin, flaw.constant_spin, flaw.rolled)
+    return not any(np.any(size) for size in others)
+
+
+def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
+    out = np.empty(mu.shape)
+    for observable, at, _ in problem.rows.by_observable:
+        out[..., at] = np.broadcast_to(observable.value(state, mu), out.shape)[..., at]
+    return out
+
+
+def of_inertia(problem: Problem, theta: Array, share: Array) -> Array:
+    """Value of each row with inertia factors that are larger by shares of themselves, (m, n).
+
+    The closure's own constant keeps its place within its domain, which depends on the inertia factor.
+    """
+    out = np.empty((len(theta), len(problem.rows)))
+    for one in np.unique(share):
+        at = share == one
+        other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + float(one)))
+        out[at] = other.predict(_within_domain(other, theta[at], problem.inertia_factor))
+    return out
+
+
+def _within_domain(problem: Problem, theta: Array, before: float) -> Array:
+    """Constants of another inertia factor, `before`, carried over to the domain of that of the problem."""
+    name, closure = problem.closure.constant, problem.closure
+    if not name or not closure.bilinear or problem.parameters[name].passive is not None:
+        return theta
+    (from_low, from_high), (low, high) = closure.domain(before), closure.domain(problem.inertia_factor)
+    places = np.unique(problem.parameters.positions[name])
+    moved = theta.copy()
+    moved[:, places] = low + (theta[:, places] - from_low) * (high - low) / (from_high - from_low)
+    return moved
 
 
 @dataclass(frozen=True)
@@ -40,10 +193,10 @@ class Nuisance:
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
     likely : tuple of float
         Sizes that the prior is centred at, the nearest of which counts.
-    flaw : callable, optional
-        From sizes, (m, 1), to the measurement, where the slip is one of those.
     constant : str
         That changes by the size in the course of the table; empty for others.
+    series : str
+        The one series it is in; empty where it is in all.
     """
 
     name: str
@@ -51,8 +204,8 @@ class Nuisance:
     limits: tuple[float, float]
     usual: float
     likely: tuple[float, ...] = (0.0,)
-    flaw: Callable[[Array], Flaw] | None = None
     constant: str = ""
+    series: str = ""
 
     @property
     def most(self) -> float:
@@ -67,7 +220,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         def values(theta: Array, size: Array) -> Array:
             return readings(problem, theta, flaw(size[:, None]))
 
-        return Nuisance(name, values, (-most, most), usual, flaw=flaw)
+        return Nuisance(name, values, (-most, most), usual)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -166,26 +319,14 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
     def values(theta: Array, size: Array) -> Array:
         return np.where(own, nuisance.values(theta, size), problem.predict(theta))
 
-    return replace(nuisance, values=values)
+    return replace(nuisance, values=values, series=problem.series[number])
 
 
-def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> list[Direction]:
+def directions_of(every: Sequence[Nuisance], theta: Array) -> list[Direction]:
     """Derivative of every row's value by each size."""
-    step = np.array([_STEP, -_STEP])
-    flawed = [each for each in every if each.flaw is not None and each.name not in _OF_INCIDENCE]
-    moved = {}
-    if flawed:  # in one go
-        flaws = [each.flaw(step[:, None]) for each in flawed if each.flaw is not None]
-        columns = {name: np.zeros((2 * len(flaws), 1)) for name in vars(flaws[0])}
-        for number, flaw in enumerate(flaws):
-            for name, size in vars(flaw).items():
-                columns[name][2 * number : 2 * number + 2] = size
-        values = readings(problem, np.tile(theta, (2 * len(flaws), 1)), Flaw(**columns))
-        moved = {
-            each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)
-        }
-    found = []
-    for each in every:
-        up, down = moved[each.name] if each.name in moved else each.values(np.stack((theta, theta)), step)
-        found.append(Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True))
-    return found
+    step, thetas = np.array([_STEP, -_STEP]), np.stack((theta, theta))
+    moved = ((each, *each.values(thetas, step)) for each in every)
+    return [
+        Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True)
+        for each, up, down in moved
+    ]

@@ -1,9 +1,13 @@
-"""Do the series share their constants, and their noise? Asked of every fit of several series."""
+"""Whether a problem is wide enough: constants of each series, and ones set free of what the user said.
+
+Tested is the fall of the weighted sum of squares in a problem wider by a few numbers; of constants that are
+separate for each series also by the evidence. Beside them stand noises of each series.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,11 +15,12 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.effective_dof import group_dof, satterthwaite
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
-from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus
@@ -24,6 +29,12 @@ _MOST_SERIES = 30  # beyond, constants of each series are a question of their ow
 _MOST_NAMED = 4
 WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series is fitted
 _FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
+INDIFFERENT = 3.0
+DECIDED = 20.0
+
+_MOST_ALONE = 3  # constants that are also tried one by one
+_READABLE = 1e4  # factors beyond are written as powers of e
+_ON = 1e-6  # share of the domain within which a constant lies on a bound
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,7 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
         p = min(smallest.values())
         says = f"one {joined(list(smallest))} for all series (p = {p_text(p)})"
         return Pooling(Fact(True, says, figures, rule), "", now, found)
-    constants = joined([_words(now, one, parted[-1].fit, count) for one in parted])
+    constants = joined([_parted_words(now, one, parted[-1].fit, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
     fact = Fact(False, f"the series do not share {constants}: {remedy}", figures, rule)
     return Pooling(fact, constants, now, found)
@@ -129,7 +140,7 @@ class _Parted:
     p: float
 
 
-def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> str:
+def _parted_words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> str:
     """A constant with its value in each series by the widest fit, as far as they can be listed."""
     p = f"p = {p_text(count * one.p)}"
     if len(problem.series) > _MOST_NAMED:
@@ -256,3 +267,213 @@ def _bartlett(scatter: list[tuple[float, float]]) -> float:
     statistic = float(dof.sum() * math.log(pooled) - dof @ np.log(squares / dof))
     correction = 1.0 + (float((1.0 / dof).sum()) - 1.0 / float(dof.sum())) / (3.0 * (dof.size - 1))
     return float(special.chdtrc(dof.size - 1, max(statistic, 0.0) / correction))
+
+
+def sharing(
+    problem: Problem,
+    log_evidence: float,
+    evidence_of: Callable[[Problem], float],
+    names: Collection[str] = (),
+) -> Fact | None:
+    """Weigh constants that are separate for each series against ones that all series share.
+
+    Parameters
+    ----------
+    problem : Problem
+        The question as asked.
+    log_evidence : float
+        Its evidence.
+    evidence_of : callable
+        From another question to its log evidence. One that it refuses by `DataError` is passed over.
+    names : collection of str
+        Empty: the separate constants are tried shared, all at once and, where there are several, one by one.
+        Else: the shared constants of these names are tried separate in the same way (fixed ones are passed
+        over, and so are separate ones).
+
+    Returns
+    -------
+    Fact or None
+        None where there is nothing to ask: one series, no such constant, a series of a single row (which any
+        constant of its own would meet), or no evidence. Figures: tested, direction, and models, the question
+        as asked first: its separate constants, its log evidence, and the log Bayes factor of it over the
+        question as asked; also preferred, the separate constants of the model that is favoured (None without
+        a preference).
+
+    Notes
+    -----
+    The evidence weighs fit against the room that the prior leaves (Jeffreys 1961; MacKay 2003, chapter 28):
+    a constant of its own for each series costs a factor of about its posterior over its prior width, per
+    series beyond the first. So a prior twice as wide favours sharing by twice as much a series.
+    """
+    free = [c for c in problem.parameters if c.fixed is None]
+    if names:
+        tested = [c.name for c in free if c.name in names and not c.separate]
+    else:
+        tested = [c.name for c in free if c.separate]
+    alone = bool(names) and int(np.bincount(problem.rows.series).min()) < 2
+    if len(problem.series) < 2 or not tested or alone or not math.isfinite(log_evidence):
+        return None
+    now = frozenset(c.name for c in problem.parameters if c.separate)
+    models = [_Model(now, log_evidence)]
+    for flipped in [tested, *([name] for name in tested[:_MOST_ALONE] if len(tested) > 1)]:
+        try:
+            other = _with_separate(problem, now ^ frozenset(flipped))
+            models.append(_Model(now ^ frozenset(flipped), evidence_of(other)))
+        except DataError:  # too few rows for so many constants
+            continue
+    models = [model for model in models if math.isfinite(model.log_evidence)]
+    if len(models) < 2:
+        return None
+    return _sharing_fact(models, tested, separate=bool(names))
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Which constants are separate, and the evidence of that."""
+
+    separate: frozenset[str]
+    log_evidence: float
+
+    def words(self, tested: Sequence[str]) -> str:
+        shared = " and ".join(f"one {name}" for name in tested if name not in self.separate)
+        own = " and ".join(name for name in tested if name in self.separate)
+        parts = ([f"{shared} for all series"] if shared else []) + ([f"separate {own}"] if own else [])
+        return " with ".join(parts)
+
+
+def _with_separate(problem: Problem, separate: frozenset[str]) -> Problem:
+    """The same question with these constants separate, and the unknown noises with them."""
+    noise = replace(problem.noise, separate=bool(separate))
+    return problem.with_noise(noise).with_parameters(
+        replace(p, separate=p.name in separate) for p in problem.parameters
+    )
+
+
+def _sharing_fact(models: list[_Model], tested: list[str], *, separate: bool) -> Fact:
+    now, others = models[0], models[1:]
+    rival = max(others, key=lambda model: model.log_evidence)
+    better, worse = (rival, now) if rival.log_evidence > now.log_evidence else (now, rival)
+    gain = better.log_evidence - worse.log_evidence
+    decided = gain >= math.log(INDIFFERENT)
+    figures = {
+        "tested": tested,
+        "direction": "separate" if separate else "shared",
+        "models": [
+            {
+                "separate": sorted(model.separate),
+                "log_evidence": model.log_evidence,
+                "log_bayes_factor": model.log_evidence - now.log_evidence,
+            }
+            for model in models
+        ],
+        "preferred": sorted(better.separate) if decided else None,
+    }
+    refuted = separate and better is rival and gain > math.log(DECIDED)
+    first, second = better.words(tested), worse.words(tested)
+    if not decided:
+        says = f"the data have no preference between {now.words(tested)} and {rival.words(tested)}"
+        return Fact(True, f"{says} ({_factor(gain)})", figures, FACTS["sharing"])
+    says = f"the data favour {first} over {second} by {_factor(gain)}"
+    if refuted:
+        says += ": " + " ".join(f"--separate {name}" for name in tested if name in better.separate)
+    return Fact(not refuted, says, figures, FACTS["sharing"])
+
+
+def _factor(log_factor: float) -> str:
+    """A factor as one says it."""
+    if log_factor > math.log(_READABLE):
+        return f"a factor e^{log_factor:.0f}"
+    factor = math.exp(log_factor)
+    return f"a factor {factor:.0f}" if factor >= 10.0 else f"a factor {factor:.2g}"
+
+
+def prior_conflict(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Set free each constant that was fixed, has a prior, or lies on a bound of the user, and test the gain.
+
+    Tested is the fall of the weighted sum of squares, with the prior's part, at the noise of the wider model:
+    by F, or by chi2 where sigma is known. p values are multiplied by the number of constants (Bonferroni).
+    Where the score test sees nothing no fit is made. e_n is left to its readings where there are any.
+
+    Returns
+    -------
+    Fact or None
+        None where nothing was taken for known, or the data do not contradict it.
+
+    References
+    ----------
+    Evans & Moshonov (2006), Bayesian Anal. 1, 893, on conflicts of prior and data.
+    """
+    taken = list(_taken(problem, found.optimum.theta))
+    if not taken or not problem.error_model.is_plain:
+        return None
+    contradicted: dict[str, tuple[float, str]] = {}
+    for each in taken:
+        wider = problem.with_parameters([_free(each)])
+        k = len(problem.series) if each.separate else 1
+        p = score_test(problem, wider, found, k)
+        if p is not None and p >= WORTH_A_FIT:
+            continue
+        fitted = fitted_test(problem, wider, found, k)
+        if fitted is not None and len(taken) * fitted[1] < REFUTED:
+            bound = _bound(each, problem, found.optimum.theta)
+            contradicted[each.name] = (
+                len(taken) * fitted[1],
+                _known_words(each, wider, *fitted, len(taken), bound),
+            )
+    if not contradicted:
+        return None
+    figures = {"p": {name: p for name, (p, _) in contradicted.items()}}
+    ordered = sorted(contradicted.values())
+    says = "; or ".join(words for _, words in ordered)
+    return Fact(False, f"the data contradict {says}", figures, FACTS["prior_conflict"])
+
+
+def _taken(problem: Problem, theta: Array) -> Iterator[Parameter]:
+    """Constants of which the user says more than the closure does, where that may decide."""
+    for each in problem.parameters:
+        has_readings = each.name == "e_n" and problem.rows.has_kind("normal")
+        informed = each.fixed is not None or each.prior is not None
+        if (informed and not has_readings) or _bound(each, problem, theta) is not None:
+            yield each
+
+
+def _bound(each: Parameter, problem: Problem, theta: Array) -> tuple[str, float] | None:
+    """The user's bound that a constant lies on, within its passive domain, as a sign and a number."""
+    if each.fixed is not None or each.passive is None:
+        return None
+    own = theta[problem.parameters.positions[each.name]]
+    room = _ON * (each.prior_upper - each.lower)
+    if each.lower > each.passive[0] and (own <= each.lower + room).any():
+        return ">=", each.lower
+    if each.upper < each.passive[1] and (own >= each.upper - room).any():
+        return "<=", each.upper
+    return None
+
+
+def _free(taken: Parameter) -> Parameter:
+    """Without what the user says of its value."""
+    lower, upper = taken.passive or (taken.lower, taken.upper)
+    low, high = min(lower, taken.lower), max(upper, taken.upper)
+    return replace(taken, fixed=None, prior=None, lower=low, upper=high, passive=None)
+
+
+def _known_words(
+    taken: Parameter,
+    wider: Problem,
+    fit: LeastSquaresFit,
+    p: float,
+    count: int,
+    bound: tuple[str, float] | None,
+) -> str:
+    if bound is not None:
+        what, option = f"your bound {taken.name} {bound[0]} {bound[1]:g}", "--bounds"
+    elif taken.fixed is not None:
+        what, option = f"{taken.name} = {taken.fixed:g}, which you fixed", "--fix"
+    else:
+        assert taken.prior is not None
+        mean, sd = taken.prior
+        what, option = f"your prior {taken.name} = {mean:g} +- {sd:g}", "--prior"
+    sds = fit.gaussian.theta_sd
+    places = np.unique(wider.parameters.positions[taken.name])
+    alone = " and ".join(plus_minus(float(fit.optimum.theta[i]), float(sds[i])) for i in places.tolist())
+    return f"{what} (p = {p_text(count * p)}): without {option} {taken.name} they say {alone}"

@@ -1,4 +1,4 @@
-"""Two kinds of reading in one column: some rows in percent, in radians, from the wall, of the other sign."""
+"""Rows that are none of the rest: two kinds of reading in one column, and numbers for 'not measured'."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
-from ifrfit.inference.diagnostics.slips.refit import Misfit, refitted, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
+from ifrfit.inference.diagnostics.slips.slip import Slip
+from ifrfit.inference.diagnostics.thresholds import REFUTED
+from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.physics.angles import Incidence
 
-_FEWEST = 3  # rows of either reading
+_FEWEST_OF_KIND = 3  # rows of either reading
 _MOST_SHARE = 0.6  # of the rows that may be meant in the other way
 _STARTS = 6  # places in the domain from which constants and choice are searched
 _ROUNDS = 8
@@ -23,6 +28,10 @@ _LOSS = (
 )  # by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
 _TALL = 1.5  # size from which a fraction may be in percent
 _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
+_FEWEST_LEFT = 6  # rows of the observable beside them
+_REPEATED = 3  # rows of one number from which it may stand for "not measured"
+_NEIGHBOUR = 1.5  # steps of the readings up to which two of them are neighbours
+_ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 
 
 @dataclass(frozen=True)
@@ -89,12 +98,12 @@ def _readings(problem: Problem) -> Iterator[_Reading]:
         own = rows.which == rows.names.index(observable.name)
         if observable.low < 0.0 and observable.kind in OBLIQUE:
             yield _Reading("sign", observable.name, own, -value, gamma)
-        if observable.name in _FRACTIONS and int((np.abs(value[own]) > _TALL).sum()) >= _FEWEST:
+        if observable.name in _FRACTIONS and int((np.abs(value[own]) > _TALL).sum()) >= _FEWEST_OF_KIND:
             yield _Reading("percent", observable.name, own, value / 100.0, gamma, 100.0)
     if rows.has_angle.any():
         yield _Reading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
         small = rows.has_angle & (gamma <= 0.5 * math.pi)
-        if int(small.sum()) >= _FEWEST:
+        if int(small.sum()) >= _FEWEST_OF_KIND:
             yield _Reading(
                 "angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma), gain=_LOSS
             )
@@ -121,7 +130,7 @@ def _classified(problem: Problem, misfit: Misfit, theta: Array, reading: _Readin
     for start in np.argsort(misfit.likelihood(nearer))[:_STARTS]:
         at, residual = _divided(problem, other, misfit, reading, every[start], misfit.sigma(nearer[start]))
         far = float(misfit.likelihood(residual)) + 2.0 * int(at.sum()) * math.log(reading.factor)
-        if _FEWEST <= at.sum() <= _MOST_SHARE * len(problem.rows) and (best is None or far < best[0]):
+        if _FEWEST_OF_KIND <= at.sum() <= _MOST_SHARE * len(problem.rows) and (best is None or far < best[0]):
             best = far, at, residual
     if best is None:
         return None
@@ -147,3 +156,51 @@ def _divided(
         theta, residual = refitted(_read(problem, reading, at), misfit, theta)
         sigma = misfit.sigma(residual)
     return at, residual
+
+
+def missing_values(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
+    """Values of exactly 0, or of one number beyond all others, that lie far from what all other rows say."""
+    found = []
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        given, count = np.unique(problem.rows.value[own], return_counts=True)
+        repeated = count >= _REPEATED
+        repeated[1:-1] = False
+        if given.size > 1:  # the neighbour of another reading by one step of these readings is a reading, too
+            step = resolution(problem.rows.value[own])
+            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > _NEIGHBOUR * step
+        for code in given[(given == 0.0) | repeated].tolist():
+            at = own[problem.rows.value[own] == code]
+            if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < _FEWEST_LEFT:
+                continue
+            far, p, drop = _far_from_rest(problem, fit, name, at)
+            if far.size and (code == 0.0 or far.size >= _REPEATED):
+                kind = "zero-for-missing" if code == 0.0 else "code-for-missing"
+                found.append(Slip(kind, drop, p, observable=name, rows=tuple(far.tolist())))
+    return found
+
+
+def _far_from_rest(
+    problem: Problem, fit: LeastSquaresFit, name: str, at: Index
+) -> tuple[Index, float, float]:
+    """Rows of one number that lie far from a fit without them, the largest p value of these, and chi2."""
+    rows = problem.rows
+    own = rows.rows_of(name)
+    kept = np.setdiff1d(np.arange(len(rows)), at)
+    part = problem.with_rows(kept)
+    misfit = Misfit.of(part)
+    start = best_start(
+        lambda tried, some: part.with_rows(some).predict(tried),
+        misfit,
+        part.rows.value,
+        starts(problem, fit.optimum.theta),
+    )
+    theta, left = refitted(part, misfit, start[0])
+    sigma = misfit.sigma(left)[rows.which[kept] == rows.names.index(name)]
+    # readings scatter by their rounding at least
+    floor = resolution(rows.value[own]) / math.sqrt(12.0)
+    z = problem.residual(theta)[at] / max(float(np.sqrt((sigma**2).mean())), floor)
+    dof = max(sigma.size - theta.size, 1)
+    far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
+    least = float(np.abs(z[far]).min(initial=np.inf))
+    return at[far], own.size * 2.0 * float(special.stdtr(dof, -least)), float((z**2).sum())

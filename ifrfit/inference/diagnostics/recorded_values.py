@@ -1,0 +1,480 @@
+"""Values as they were written down: copied, doubled, rounded, clipped, or left out for their size.
+
+Rounding errors of readings y that differ by several steps are as good as independent: part of the scatter.
+Readings of one true value m that scatter by less than about half a step all lie on the same side of it: the
+likelihood is that of counts in cells, prod [Phi((y + h/2 - m)/s) - Phi((y - h/2 - m)/s)], for steps h and a
+scatter s (Heitjan 1989, Statistical Science 4, 164), and no number of readings narrows m below a cell.
+
+Clipped readings pile up at one end of an observable. Of discarded ones nothing stands in the table but an end
+that is too sharp: the law with normal errors cut off at the outermost reading c, of density
+phi((y - f)/s)/(s Phi((c - f)/s)), describes such readings better. Without a cut 2 sum -log Phi at the true
+constants is distributed as chi2 of 2, whatever the sample; with constants and noise fitted its tail is twice
+as large (1,200 tables of beta and e_n, sigma known and not), and counted four times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.thresholds import (
+    COARSE,
+    FACTS,
+    FEWEST_ALIKE,
+    MOST_MISSING,
+    REFUTED,
+    TIMES_FITTED,
+    TOO_NARROW,
+)
+from ifrfit.inference.model.noise import resolution
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Fact
+from ifrfit.text import joined, p_text
+
+_MOST_NAMED = 6  # rows
+_FEWEST_OF_ONE = 4  # readings of one true value
+_ONE_VALUE = 0.1  # steps within which values of the law are one
+_LEVELS, _SCATTERS = 321, 48  # nodes of m and s
+_MARGIN = 1.5  # steps beyond the readings up to which m is looked for
+_LEAST_SCATTER, _LARGEST_SCATTER = 0.02, 3.0  # steps
+_TINY = 1e-300
+_FEWEST_PILED = 3  # readings of one value that pile up
+_MORE = 2.0  # times as many as of any value that is no end
+_RESOLVED = 2.0  # steps by which the other readings scatter
+_FEWEST = 12  # readings among which a missing end is looked for
+_SUSPICIOUS = 0.2  # p of the outermost reading from which no cut is looked for
+_STEPS = 60
+_AT_REST = 1e-4  # of -2 log likelihood
+_LEAST_WEIGHT = 0.1  # of a reading's information, where a cut takes most of it
+_NARROWEST, _WIDEST = 0.5, 8.0  # times the noise without a cut
+_FEWEST_OF_NOISE = 3  # rows from which a noise is taken
+_BESIDE = 2.5  # sd by which readings lie off the law, away from an end that then is no cut
+
+
+def repeated_number(problem: Problem) -> Fact | None:
+    """Find measured readings of the normal rebound that are the same in every decimal, in every row.
+
+    Returns
+    -------
+    Fact or None
+        None where readings differ. Figures: observables, and rows of the first.
+    """
+    rows, table = problem.rows, problem.observations.table
+    measured = (table["provenance"] != "simulated").to_numpy()
+    several = len(problem.series) > 1
+    found: list[tuple[str, int, str]] = []
+    for observable in rows.observables:
+        if observable.kind != "normal":
+            continue
+        for number, series in enumerate(problem.series):
+            own = rows.rows_of(observable.name)
+            own = own[(rows.series[own] == number) & measured[own]]
+            if own.size >= FEWEST_ALIKE and np.ptp(rows.value[own]) == 0.0:
+                of = f" of {series}" if several else ""
+                says = f"{observable.name}{of} is {rows.value[own[0]]:.6g} in all {own.size} rows"
+                found.append((observable.name, int(own.size), says))
+    if not found:
+        return None
+    size = found[0][1]
+    says = (
+        f"{'; '.join(says for *_, says in found)}: a mean that was copied down is one reading, not {size}, "
+        "and the interval of e_n is too short; leave it in one row, with its standard error, or give it by "
+        "--prior. Readings of each impact would scatter, unless they are rounded too coarsely to show it"
+    )
+    figures = {"observables": sorted({name for name, *_ in found}), "rows": size}
+    return Fact(False, says, figures, FACTS["repeated_number"])
+
+
+def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Count impacts of one setting whose values agree, and compare with what noise and rounding make of them.
+
+    Two readings of one setting agree with probability r/(2 sqrt(pi) sigma) in an observable that is rounded
+    to steps of r; the number of pairs that do is taken as Poisson distributed. Repeats of single readings are
+    left out: what steps an instrument has is not known.
+
+    Returns
+    -------
+    Fact or None
+        None where the test is passed.
+    """
+    rows = problem.rows
+    chance = _chance_to_agree(problem, found.sigma)
+    speed = np.nan_to_num(problem.observations.table["speed_m_s"].to_numpy(dtype=float), nan=-1.0)
+    i = rows.incidence
+    keys = np.column_stack((rows.series, rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed))
+    members: dict[int, list[int]] = {}
+    for row, impact in enumerate(rows.impacts.tolist()):
+        members.setdefault(impact, []).append(row)
+    settings: dict[tuple[object, ...], list[list[int]]] = {}
+    for own in members.values():
+        own.sort(key=lambda row: tuple(keys[row]))
+        settings.setdefault(tuple(map(tuple, keys[own].tolist())), []).append(own)
+    repeated = [impacts for impacts in settings.values() if len(impacts) > 1]
+    if any(len(own[0]) == 1 and np.ptp(rows.value[own]) > 0.0 for own in map(np.array, repeated)):
+        # single readings that are repeated: an instrument's own steps may be coarser than the last decimal
+        repeated = [impacts for impacts in repeated if len(impacts[0]) > 1]
+    expected, pairs, copies = 0.0, 0, []
+    for impacts in repeated:
+        expected += 0.5 * len(impacts) * (len(impacts) - 1) * float(np.prod(chance[impacts[0]]))
+        first: dict[tuple[float, ...], int] = {}
+        for own in impacts:
+            value = tuple(rows.value[own].tolist())
+            pairs += first.get(value, 0)
+            first[value] = first.get(value, 0) + 1
+            if first[value] > 1:
+                copies.append(own[0])
+    p = float(special.gammainc(pairs, expected)) if pairs and expected > 0.0 else 1.0
+    if p >= REFUTED:
+        return None
+    return _doubled(problem, copies, p)
+
+
+def _chance_to_agree(problem: Problem, sigma: Array) -> Array:
+    """Probability that two readings of one setting are rounded to the same number, by row, (n,)."""
+    chance = np.empty(sigma.size)
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        step = resolution(problem.rows.value[own])
+        chance[own] = np.minimum(1.0, step / (2.0 * math.sqrt(math.pi) * sigma[own]))
+    return chance
+
+
+def _doubled(problem: Problem, copies: list[int], p: float) -> Fact:
+    lines = [exclude_name(problem, row) for row in copies]
+    more = " ..." if len(lines) > _MOST_NAMED else ""
+    shown = lines[:_MOST_NAMED]
+    says = (
+        f"{len(lines)} impact{'s stand' if len(lines) > 1 else ' stands'} in the table twice, alike in every "
+        f"decimal (lines {joined(shown)}{more}; p = {p_text(p)} by noise and rounding): remove them, or "
+        f"{' '.join(f'--exclude {line}' for line in shown)}{more}"
+    )
+    return Fact(False, says, {"p": p, "n": len(lines), "rows": lines}, FACTS["duplicates"])
+
+
+@dataclass(frozen=True)
+class _Plateau:
+    """Readings that the law has at one value.
+
+    Attributes
+    ----------
+    observable : str
+    rows : ndarray of int
+    step : float
+        Greatest decimal step that all readings are multiples of.
+    scatter : float
+        Of one reading, as the fit takes it.
+    mean, sd : float
+        Mean and its standard deviation, by that scatter.
+    mean_rounded, sd_rounded : float
+        Of the true value, by the counts in the cells.
+    """
+
+    observable: str
+    rows: Index
+    step: float
+    scatter: float
+    mean: float
+    sd: float
+    mean_rounded: float
+    sd_rounded: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times too small `sd` is, for the distance between the two means as well."""
+        return math.hypot(self.sd_rounded, self.mean_rounded - self.mean) / self.sd
+
+
+def rounded_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Look for readings of one value whose rounding is coarser than their scatter.
+
+    Returns
+    -------
+    Fact or None
+        None where rounding narrows nothing.
+    """
+    worst = max(_plateaus(problem, found), key=lambda each: each.ratio, default=None)
+    if worst is None or worst.ratio < TOO_NARROW:
+        return None
+    figures = {
+        "observable": worst.observable,
+        "step": worst.step,
+        "scatter": worst.scatter,
+        "sd": worst.sd,
+        "mean_rounded": worst.mean_rounded,
+        "sd_rounded": worst.sd_rounded,
+    }
+    value = f"{worst.mean_rounded:.4g}"
+    what = "e_n" if worst.observable == "e_n" else f"the one value that {worst.rows.size} of them are of"
+    says = (
+        f"readings of {worst.observable} stand in steps of {worst.step:g} and scatter by "
+        f"{worst.scatter:.2g}: their rounding errors are common to them, and leave {what} "
+        f"{value} +- {worst.sd_rounded:.2g}, not +- {worst.sd:.2g}. Read them to more decimals"
+    )
+    others = [name for name in problem.rows.names if name != worst.observable]
+    if worst.observable == "e_n" and others:
+        kept = " ".join(f"--observable {name}" for name in others)
+        says += f", or give the value in their place: {kept} --prior e_n={value},{worst.sd_rounded:.2g}"
+    return Fact(False, says, figures, FACTS["rounded_readings"])
+
+
+def is_coarse(problem: Problem, found: LeastSquaresFit) -> bool:
+    """Whether any observable scatters by less than a step of its readings: they fall into few cells."""
+    every = (problem.rows.rows_of(name) for name in problem.rows.names)
+    return any(_rms(found.sigma[own]) < resolution(problem.rows.value[own]) for own in every if own.size)
+
+
+def _plateaus(problem: Problem, found: LeastSquaresFit) -> Iterator[_Plateau]:
+    fitted, value = problem.predict(found.optimum.theta), problem.rows.value
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        step = resolution(value[own])
+        if _rms(found.sigma[own]) >= COARSE * step:
+            continue
+        level = np.round(fitted[own] / (_ONE_VALUE * step))
+        for one in np.unique(level):
+            rows = own[level == one]
+            if rows.size < _FEWEST_OF_ONE or np.ptp(value[rows]) > 2.0 * _LARGEST_SCATTER * step:
+                continue
+            sigma = found.sigma[rows]
+            known = _rms(sigma) if problem.noise.is_given[rows].all() else None
+            mean, sd = _mean_of_cells(value[rows], step, known)
+            weight = sigma**-2.0
+            average, own_sd = float(np.average(value[rows], weights=weight)), float(weight.sum() ** -0.5)
+            yield _Plateau(name, rows, step, _rms(sigma), average, own_sd, mean, sd)
+
+
+def _mean_of_cells(value: Array, step: float, sigma: float | None) -> tuple[float, float]:
+    """Mean and standard deviation of the true value of rounded readings; flat in it and an unknown scatter.
+
+    Parameters
+    ----------
+    value : ndarray, (n,)
+    step : float
+    sigma : float or None
+        None where it is unknown.
+    """
+    cells, counts = np.unique(np.round(value / step), return_counts=True)
+    m = np.linspace(cells[0] - _MARGIN, cells[-1] + _MARGIN, _LEVELS)[:, None, None]
+    largest = _LARGEST_SCATTER
+    s = np.geomspace(_LEAST_SCATTER, largest, _SCATTERS) if sigma is None else np.array([sigma / step])
+    upper = (cells + 0.5 - m) / s[:, None]
+    lower = (cells - 0.5 - m) / s[:, None]
+    # the tail that is the smaller one keeps its digits
+    share = np.where(
+        lower > 0.0, special.ndtr(-lower) - special.ndtr(-upper), special.ndtr(upper) - special.ndtr(lower)
+    )
+    log = (counts * np.log(np.maximum(share, _TINY))).sum(axis=-1) + np.log(s)
+    weight = np.exp(log - log.max()).sum(axis=1)
+    weight /= weight.sum()
+    at = m[:, 0, 0]
+    mean = float(weight @ at)
+    return mean * step, math.sqrt(float(weight @ (at - mean) ** 2)) * step
+
+
+def _rms(sigma: Array) -> float:
+    return float(np.sqrt((sigma**2).mean()))
+
+
+def censoring(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Look for readings that pile up at the largest or smallest value of their observable.
+
+    The number of readings that rounding and noise put into the cell of the outermost one is taken as Poisson
+    distributed.
+
+    Returns
+    -------
+    Fact or None
+        None where none do.
+    """
+    fitted, value, looks = (
+        problem.predict(found.optimum.theta),
+        problem.rows.value,
+        2 * len(problem.rows.names),
+    )
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        step = resolution(value[own])
+        given, counts = np.unique(value[own], return_counts=True)
+        elsewhere = int(counts[1:-1].max(initial=1))
+        for end, word in ((-1, "largest"), (0, "smallest")):
+            at, count = float(given[end]), int(counts[end])
+            rest = own[value[own] != at]
+            if count < _FEWEST_PILED or count <= _MORE * elsewhere or not rest.size:
+                continue
+            if float(np.sqrt(((value - fitted)[rest] ** 2).mean())) < _RESOLVED * step:
+                continue
+            upper = special.ndtr((at + 0.5 * step - fitted[own]) / found.sigma[own])
+            lower = special.ndtr((at - 0.5 * step - fitted[own]) / found.sigma[own])
+            p = min(1.0, looks * float(special.gammainc(count - 1, float((upper - lower).sum()))))
+            if p < REFUTED:
+                says = (
+                    f"{count} of {own.size} values of {name} are {at:g} exactly, the {word} of all "
+                    f"(p = {p_text(p)} by rounding and noise): values beyond look clipped, and the constants "
+                    "are off by as much as they miss. Give them as they were read"
+                )
+                figures = {"observable": name, "value": at, "n": count, "p": p}
+                return Fact(False, says, figures, FACTS["censoring"])
+    return None
+
+
+def truncation(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Look for an end of an observable that is too sharp: readings beyond it were discarded.
+
+    The noise of an observable that is looked at is taken from its own rows, whatever is known of it: a sigma
+    that is too large would leave room beyond both ends. An end is none of a cut where the law does not run
+    through the readings beside it. Where many times as many would be missing as are there, errors are skewed,
+    of which an exponential law is the limit of normal ones that are cut off.
+
+    Returns
+    -------
+    Fact or None
+        None where the law with errors that are cut off describes no observable better.
+    """
+    looks = list(_looks(problem, found))
+    ends = 2 * len(problem.rows.names)
+    best = max(looks, key=lambda look: look.gain, default=None)
+    if best is None:
+        return None
+    p = best.p(ends)
+    if p >= REFUTED or any(look.share > MOST_MISSING and look.p(ends) < REFUTED for look in looks):
+        return None
+    side = "above" if best.sign > 0.0 else "below"
+    says = (
+        f"no value of {best.observable} lies {side} {best.end:.4g}, where the law and its noise would have "
+        f"some {best.missing:.0f} (p = {p_text(p)}, by errors that are cut off there): "
+        "values look left out for their size, or errors are skewed. If left out, the constants are off by "
+        "as much as they miss: give all"
+    )
+    drop = -2.0 * math.log(max(p, 1e-300))  # of -2 log likelihood, less what the looks are worth
+    figures = {"observable": best.observable, "end": best.end, "missing": best.missing, "p": p, "drop": drop}
+    return Fact(False, says, figures, FACTS["truncation"])
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One end of an observable: the fall of -2 log likelihood with a cut there, and how many it takes.
+
+    `share` is their number over that of the readings.
+    """
+
+    observable: str
+    sign: float
+    end: float
+    gain: float
+    missing: float
+    share: float
+
+    def p(self, looks: int) -> float:
+        """Of the fall, where so many ends were looked at."""
+        return min(1.0, TIMES_FITTED * looks * math.exp(-0.5 * self.gain))
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Rows of which none lies beyond `end`, above it for a `sign` of 1."""
+
+    rows: Index
+    sign: float
+    end: float
+
+
+def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
+    value, fitted = problem.rows.value, problem.predict(found.optimum.theta)
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        if own.size < _FEWEST:
+            continue
+        groups = _noises(problem, own)
+        sigma = _at_best(found.sigma, value - fitted, groups)
+        z = (value - fitted)[own] / sigma[own]
+        for sign in (1.0, -1.0):
+            end = sign * float((sign * value[own]).max()) + sign * 0.5 * resolution(value[own])
+            alpha = sign * (end - fitted[own]) / sigma[own]
+            if float(special.log_ndtr(alpha).sum()) >= math.log(_SUSPICIOUS):
+                continue
+            near = _mills(alpha)
+            if sign * float(near @ z) < -_BESIDE * float(np.linalg.norm(near)):
+                continue
+            whole, _ = _descent(problem, found, groups, sigma)
+            deviance, missing = _descent(problem, found, groups, sigma, _Cut(own, sign, end))
+            dof = own.size - float(found.gaussian.leverage[own].sum())
+            yield _Look(name, sign, end, (whole - deviance) * dof / own.size, missing, missing / own.size)
+
+
+def _noises(problem: Problem, own: Index) -> tuple[Index, ...]:
+    """Rows of each noise that is taken from them: of those that are looked at, and what is unknown else."""
+    unknown = tuple(problem.noise_groups().values())
+    parts = [np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.intp), *unknown]))]
+    for rows in unknown:
+        parts += [np.intersect1d(own, rows), np.setdiff1d(rows, own)]
+    return tuple(rows for rows in parts if rows.size >= _FEWEST_OF_NOISE)
+
+
+def _descent(
+    problem: Problem,
+    found: LeastSquaresFit,
+    groups: tuple[Index, ...],
+    noise: Array,
+    cut: _Cut | None = None,
+) -> tuple[float, float]:
+    """Least -2 log likelihood where errors of some rows are cut off at an end, and how many are beyond it.
+
+    Scoring steps in the constants, and the noise that solves its own equation beside them; where they do not
+    come to rest the least that was met counts.
+    """
+    value, free = problem.rows.value, problem.parameters.free
+    lower, upper = problem.parameters.bounds()
+    theta, sigma = found.optimum.theta.copy(), noise.copy()
+    least, missing, before = math.inf, 0.0, math.inf
+    alpha = np.full(value.size, np.inf)
+    for _ in range(_STEPS):
+        fitted = problem.predict(theta)
+        residual = value - fitted
+        if cut is not None:
+            alpha[cut.rows] = cut.sign * (cut.end - fitted[cut.rows]) / sigma[cut.rows]
+        inside, mills = special.log_ndtr(alpha), _mills(alpha)
+        deviance = float(((residual / sigma) ** 2 + 2.0 * np.log(sigma) + 2.0 * inside).sum())
+        if deviance < least:
+            least, missing = deviance, float(np.expm1(-inside).sum())
+        if abs(before - deviance) < _AT_REST:
+            break
+        before = deviance
+        pull = mills * np.where(np.isfinite(alpha), alpha, 0.0)
+        weight = np.maximum(1.0 - pull - mills**2, _LEAST_WEIGHT) / sigma**2
+        jacobian = problem.jacobian(theta)[:, free]
+        root = np.sqrt(weight)
+        shifted = (residual + (0.0 if cut is None else cut.sign) * sigma * mills) / sigma**2
+        step = np.linalg.lstsq(jacobian * root[:, None], shifted / root, rcond=1e-10)[0]
+        theta[free] = np.clip(theta[free] + step, lower[free], upper[free])
+        residual = value - problem.predict(theta)
+        for rows in groups:
+            left = max(rows.size - float(pull[rows].sum()), 0.1 * rows.size)
+            square = float(((residual[rows] / noise[rows]) ** 2).sum()) / left
+            sigma[rows] = noise[rows] * min(max(math.sqrt(square), _NARROWEST), _WIDEST)
+    return least, missing
+
+
+def _mills(alpha: Array) -> Array:
+    """Normal density over the distribution below, 0 where nothing is cut off."""
+    finite = np.where(np.isfinite(alpha), alpha, 0.0)
+    return np.where(
+        np.isfinite(alpha),
+        np.exp(-0.5 * finite**2 - special.log_ndtr(finite)) / math.sqrt(2.0 * math.pi),
+        0.0,
+    )
+
+
+def _at_best(sigma: Array, residual: Array, groups: tuple[Index, ...]) -> Array:
+    """Standard uncertainty of each row, a noise that is taken from its rows at the largest likelihood."""
+    best = sigma.copy()
+    for rows in groups:
+        size = float(np.sqrt(((residual[rows] / sigma[rows]) ** 2).mean()))
+        best[rows] *= size if size > 0.0 else 1.0
+    return best
