@@ -16,15 +16,13 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import parse_conventions
-from ifrfit.data.impact_numbers import refuse_restarted_impacts
 from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.partial_table import Piece, source_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
-from ifrfit.data.summary_rows import refuse_summary_rows
 from ifrfit.data.tabular import read_cells
-from ifrfit.data.validate import drop_missing, validate
+from ifrfit.data.validate import drop_missing, refuse_restarted_impacts, refuse_summary_rows, validate
 from ifrfit.data.wide_table import read_wide
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
