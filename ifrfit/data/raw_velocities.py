@@ -22,9 +22,8 @@ from ifrfit.data.angular_momentum import check_momentum
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
 from ifrfit.data.conventions import suggest
-from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import TINY
-from ifrfit.data.wide_table import impact_ids
+from ifrfit.data.table_forms import Piece, impact_ids
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array, sincos
 from ifrfit.physics.observables import OBSERVABLES

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells, show
 from ifrfit.data.column_layout import Layout
-from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
+from ifrfit.data.table_forms import Piece
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import FREE, OBSERVABLES
