@@ -78,9 +78,7 @@ class Layout:
         if not self.has(key):
             return np.full(len(self.cells), np.nan)
         column = self.columns[key]
-        values = self._numbers_of(column)
-        if column.sign < 0:
-            values = -values
+        values = column.sign * self._numbers_of(column)
         if column.unit == "1" or (column.dimension == "number" and column.unit is None):
             return values
         if column.dimension == "angle":
@@ -92,8 +90,7 @@ class Layout:
                 f"{parse_header(column.header).name}_{unit.replace('/', '_')}, or say "
                 f"{suggest(f'unit:{column.header}={unit}')}."
             )
-        factor = UNITS[column.unit][1]
-        return values if factor == 1.0 else values * factor
+        return values * UNITS[column.unit][1]
 
     def _numbers_of(self, column: Column) -> NDArray[np.float64]:
         """Numbers of a column as they stand in the file; codes for "not measured" are refused."""

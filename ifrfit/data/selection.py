@@ -200,9 +200,6 @@ def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selec
     return replace(source, rows_used=len(used), rows_skipped=dict(skipped), selection=text)
 
 
-Mask = NDArray[np.bool_]
-
-
 def excluded(table: pd.DataFrame, entry: str) -> Mask:
     """Return which rows an entry names: ``7`` or ``FILE:7`` is a line, ``id:7`` or other text an impact_id.
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ifrfit.data.double_counting import impact_numbers
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import OBSERVABLES
@@ -223,10 +224,8 @@ def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
 
 def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
-    source, _ = pd.factorize(table["source"], use_na_sentinel=False)
-    impact, labels = pd.factorize(table["impact_id"], use_na_sentinel=False)
-    number = source * len(labels) + impact
-    alone = (table["impact_id"] == "").to_numpy(dtype=bool)
+    number = impact_numbers(table)
+    alone = number < 0
     number[alone] = -1 - np.flatnonzero(alone)
     codes, _ = pd.factorize(number)
     return np.asarray(codes, dtype=np.intp)
