@@ -246,8 +246,7 @@ def choose_angle(layout: Layout, found: list[Column]) -> None:
         number = "two" if len(found) == 2 else str(len(found))
         raise DataError(
             f"{cells.file}: {number} columns could be the incidence angle, {names}. Name it: "
-            f"{suggest(f'angle={found[0].header}:from-normal')} or "
-            f"{suggest(f'angle={found[0].header}:from-wall')}"
+            f"{_either_angle(found[0].header)}"
         )
     column = found[0]
     if conventions.angle_from is None and column.key not in _REFERENCE:

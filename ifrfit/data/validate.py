@@ -198,8 +198,8 @@ def refuse_summary_rows(layout: Layout) -> None:
         found = [row for row, text in enumerate(texts) if text.lower() in _SUMMARIES]
         if 0 < len(found) < len(texts):
             raise DataError(
-                f"{layout.cells.at(found[0], layout.header(key))}: {show(texts[found[0]])} names a summary of "
-                "other rows, not an impact. Remove the row."
+                f"{layout.cells.at(found[0], layout.header(key))}: {show(texts[found[0]])} names a summary "
+                "of other rows, not an impact. Remove the row."
             )
 
 
