@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ifrfit.cli.errors import command
+from ifrfit.cli.output import command
 
 Repeated = list[str]
 

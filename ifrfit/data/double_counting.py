@@ -92,7 +92,7 @@ def _taken(links: NDArray[np.int64], names: NDArray[np.object_], readings: NDArr
     """
     out = np.zeros(len(names), dtype=bool)
     taken = np.zeros(int(links.max(initial=-1)) + 1, dtype=np.uint8)
-    for name in (o for o in OBSERVABLES if _bits_of(o)):
+    for name in (o for o in OBSERVABLES if taken.size and _bits_of(o)):
         rows = np.flatnonzero((links >= 0) & (names == name))
         if not rows.size:
             continue
@@ -179,10 +179,13 @@ def impact_numbers(table: pd.DataFrame) -> NDArray[np.int64]:
     """Return one number per impact; -1 where a row is not tied to one."""
     import pandas as pd
 
-    ids, labels = pd.factorize(table["impact_id"])
-    sources, _ = pd.factorize(table["source"])
-    alone = (table["impact_id"] == "").to_numpy(dtype=bool)
-    return np.where(alone, -1, sources * len(labels) + ids)
+    tied = (table["impact_id"] != "").to_numpy(dtype=bool)
+    numbers = np.full(len(table), -1)
+    if tied.any():
+        ids, labels = pd.factorize(table["impact_id"])
+        sources, _ = pd.factorize(table["source"])
+        numbers[tied] = (sources * len(labels) + ids)[tied]
+    return numbers
 
 
 def shares_e_n(table: pd.DataFrame) -> list[str]:
