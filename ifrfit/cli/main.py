@@ -5,7 +5,6 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
-import gc
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,8 +22,6 @@ from ifrfit.cli.output import command, status
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError
-
-_YOUNG = 200_000  # objects made before garbage is looked for
 
 _SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "cost": cost}
 
@@ -160,6 +157,4 @@ def _main(
 
 def main() -> None:
     """Entry point."""
-    # a command lives for seconds and drops little: looking for garbage took a fifth of its time
-    gc.set_threshold(_YOUNG)
     app()

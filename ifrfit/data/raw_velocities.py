@@ -12,6 +12,7 @@ wall does under the impulse per mass 2 P/m. So the same equations read both (doc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -196,6 +197,14 @@ def _radius(layout: Layout) -> tuple[Array, Array] | None:
     return radius, layout.numbers(f"sigma:{key}") * factor
 
 
+def _components(
+    layout: Layout, incoming: Incoming, keys: Sequence[str], missing: float = np.nan
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return a vector along and across the incoming tangential velocity, each with its uncertainty."""
+    x, y = (layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys)
+    return incoming.turned(x, y, *(layout.numbers(f"sigma:{k}") for k in keys))
+
+
 def _spins(
     layout: Layout, incoming: Incoming, radius: tuple[Array, Array] | None, when: str
 ) -> dict[str, tuple[Array, Array, str]]:
@@ -205,15 +214,9 @@ def _spins(
     if radius is None or not given:
         return {}
     # Before the impact an axis without a column has no spin; after it, it was not measured.
-    missing = 0.0 if not when else np.nan
-    x, y = (
-        layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys.values()
-    )
-    sx, sy = (layout.numbers(f"sigma:{k}") for k in keys.values())
-    along, across = incoming.turned(x, y)
-    s_along, s_across = incoming.turned_sigma(sx, sy, along, across)
+    rates = _components(layout, incoming, list(keys.values()), np.nan if when else 0.0)
     result = {}
-    for axis, rate, sigma, sign in (("x", along, s_along, -1.0), ("y", across, s_across, 1.0)):
+    for axis, sign, (rate, sigma) in zip("xy", (-1.0, 1.0), rates, strict=True):
         if axis not in given and not np.any(incoming.s != 0.0):
             continue
         size, sigma_size = radius
@@ -226,25 +229,19 @@ def _spins(
 def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
     """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
     result: dict[str, tuple[Array, Array, str]] = {}
-    x, y = layout.numbers("raw:v_x"), layout.numbers("raw:v_y")
-    along, across = incoming.turned(x, y)
-    sigmas = incoming.turned_sigma(
-        layout.numbers("sigma:raw:v_x"), layout.numbers("sigma:raw:v_y"), along, across
-    )
-    for axis, value, sigma in (("x", along, sigmas[0]), ("y", across, sigmas[1])):
-        if layout.has(f"raw:v_{axis}"):
-            result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
-    if layout.has("raw:v_z"):
-        z = layout.numbers("raw:v_z")
-        require(layout, "raw:v_z", z, z <= 0, z_rule(layout, "leaves", "v_z"), z_remedy(layout))
-        result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
-    elif layout.has("raw:v_n"):
-        normal = layout.numbers("raw:v_n")
-        require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
-        result["v_n"] = (
-            *incoming.per_speed(normal, layout.numbers("sigma:raw:v_n")),
-            layout.header("raw:v_n"),
-        )
+    keys = ["raw:v_x", "raw:v_y"]
+    for key, component in zip(keys, _components(layout, incoming, keys), strict=True):
+        if layout.has(key):
+            result[key.removeprefix("raw:")] = (*incoming.per_speed(*component), layout.header(key))
+    key, sign = ("raw:v_z", -1.0) if layout.has("raw:v_z") else ("raw:v_n", 1.0)
+    if layout.has(key):
+        normal = layout.numbers(key)
+        rule, remedy = "v_n is the magnitude of the normal velocity after", "Correct it."
+        if sign < 0.0:
+            rule, remedy = z_rule(layout, "leaves", "v_z"), z_remedy(layout)
+        require(layout, key, normal, sign * normal >= 0, rule, remedy)
+        speed = incoming.per_speed(sign * normal, layout.numbers(f"sigma:{key}"))
+        result["v_n"] = (*speed, layout.header(key))
     return result
 
 
@@ -261,27 +258,23 @@ class Incoming:
     sigma_gamma_deg: Array
     sigma_turn: Array
 
-    def turned(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return components along and across the incoming tangential velocity.
+    def turned(
+        self, x: Array, y: Array, sigma_x: Array, sigma_y: Array
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Return components along and across the incoming tangential velocity, each with its uncertainty.
 
-        Without a turn a component that was not measured does not spoil the other.
+        That is the one of the components and of the turn itself. Without a turn a component that was not
+        measured does not spoil the other.
         """
-        straight = self.s == 0.0
-        along = np.where(straight, self.c * x, self.c * x + self.s * y)
-        across = np.where(straight, self.c * y, self.c * y - self.s * x)
-        return along, across
 
-    def turned_sigma(self, x: Array, y: Array, along: Array, across: Array) -> tuple[Array, Array]:
-        """Return the uncertainties of turned components: those of the components and of the turn itself."""
-        straight = self.s == 0.0
+        def mixed(c: Array, s: Array, own: Array, other: Array) -> Array:
+            return c * own + np.where(self.s == 0.0, 0.0, s * other)
+
+        along, across = mixed(self.c, self.s, x, y), mixed(self.c, -self.s, y, x)
         c2, s2, turn2 = self.c**2, self.s**2, self.sigma_turn**2
-        var_along = np.where(straight, c2 * x**2, c2 * x**2 + s2 * y**2) + zero_where_missing(
-            across**2 * turn2
-        )
-        var_across = np.where(straight, c2 * y**2, c2 * y**2 + s2 * x**2) + zero_where_missing(
-            along**2 * turn2
-        )
-        return np.sqrt(var_along), np.sqrt(var_across)
+        var_along = mixed(c2, s2, sigma_x**2, sigma_y**2) + zero_where_missing(across**2 * turn2)
+        var_across = mixed(c2, s2, sigma_y**2, sigma_x**2) + zero_where_missing(along**2 * turn2)
+        return (along, np.sqrt(var_along)), (across, np.sqrt(var_across))
 
     def per_speed(self, value: Array, sigma: Array) -> tuple[Array, Array]:
         """Return a velocity over u, and its uncertainty with that of u."""

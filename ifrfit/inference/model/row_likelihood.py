@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 _STEP = 1e-5  # of differences by angle (degrees) and spin
 _INSIDE = 1e-9  # of the split coordinate's range: a cut nearer to its end cuts nothing
+_AT_ONCE = 400_000  # values held at once
+_STEEPEST = 60.0  # slope in the angle, in sigma a sd, up to which the nodes follow
 
 
 @dataclass(frozen=True)
@@ -172,13 +174,6 @@ def _restated(law: RowLaw, name: str, rows: Index, i: Incidence, value: Array) -
     if not restated or over is None or OBSERVABLES[name].unit == "deg":
         return value
     return np.asarray(value * (over(i) / over(_picked(law.observed, rows))[:, None])[:, None])
-
-
-Array = NDArray[np.float64]
-
-_AT_ONCE = 400_000  # values held at once
-_STEEPEST = 60.0  # slope in the angle, in sigma a sd, up to which the nodes follow
-_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
