@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from studies import DOCS, markdown, render
 
+from ifrfit.data.catalogue import entry
 from ifrfit.data.descriptor import read_package
-from ifrfit.data.locations import entry
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.figures import PAPER, PaperFigure
 

@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ifrfit.cli.options import Repeated, SharedCommand, command_line
-from ifrfit.cli.output import Quiet, insist, show
-from ifrfit.cli.progress import working
+from ifrfit.cli.output import Quiet, insist, show, working
 
 
 @partial(SharedCommand, closure=False)

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ifrfit.cli.options import Repeated, SharedCommand, command_line
-from ifrfit.cli.output import show
-from ifrfit.cli.progress import working
+from ifrfit.cli.output import show, working
 from ifrfit.errors import UsageError
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ifrfit.cli.errors import command
+from ifrfit.cli.output import command
 
 Repeated = list[str]
 
@@ -33,7 +33,7 @@ def datasets_list() -> None:
 @command
 def datasets_show(name: str) -> None:
     """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
-    from ifrfit.data.catalogue import describe
+    from ifrfit.data.description import describe
 
     for line in describe(name):
         typer.echo(line)
@@ -71,7 +71,7 @@ def datasets_install(
     convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
 ) -> None:
     """Put your own digitisation in the place of a bundled dataset."""
-    from ifrfit.data.installation import install
+    from ifrfit.data.catalogue import install
 
     place = install(name, file, provenance=provenance, convention=convention)
     typer.echo(
@@ -83,7 +83,7 @@ def datasets_install(
 @command
 def datasets_remove(name: str) -> None:
     """Take your digitisation away; the bundled dataset is back."""
-    from ifrfit.data.installation import remove
+    from ifrfit.data.catalogue import remove
 
     remove(name)
     typer.echo(f"{name}: the bundled dataset is used again.")

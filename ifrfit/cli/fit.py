@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, insist, show
-from ifrfit.cli.progress import working
+from ifrfit.cli.output import Quiet, insist, show, working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from ifrfit._version import __version__
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
-from ifrfit.cli.errors import command
 from ifrfit.cli.fit import fit
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
-from ifrfit.cli.progress import status
+from ifrfit.cli.output import command, status
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import functools
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
+
+from ifrfit.errors import IfrfitError
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 NOT_REACHED = 4  # exit status of --strict
@@ -46,3 +56,67 @@ def insist(reasons: Sequence[str]) -> None:
     if reasons:
         typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
         raise typer.Exit(NOT_REACHED)
+
+
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors raised on purpose into a sentence and an exit status, and a bug into a short notice."""
+
+    @functools.wraps(function)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            function(*args, **kwargs)
+        except IfrfitError as error:
+            typer.echo(f"ifrfit: {error}", err=True)
+            raise typer.Exit(error.exit_status) from None
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:
+            if os.environ.get("IFRFIT_DEBUG"):
+                raise
+            typer.echo(
+                f"ifrfit: internal error, {type(error).__name__}: {error}. "
+                "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
+                err=True,
+            )
+            raise typer.Exit(1) from None
+
+    return run
+
+
+@contextlib.contextmanager
+def working(
+    quiet: bool, what: str = "fitting", of: str = "steps"
+) -> Iterator[Callable[[int, int], None] | None]:
+    """Show that work goes on, on standard error if that is a terminal.
+
+    Yields
+    ------
+    callable or None
+        To be told the steps done and the most there may be; None where nobody looks.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+    shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
+    with Progress(*shown, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+
+        def progress(done: int, most: int) -> None:
+            words = f"{done:,} {of}, {most:,} at most"
+            bar.update(task, description=words, completed=done, total=most)
+
+        yield progress
+
+
+def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:
+    """Show that work of unknown length goes on; None where nobody looks."""
+    if quiet or not sys.stderr.isatty():
+        return contextlib.nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False).status(what)

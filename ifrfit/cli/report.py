@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ifrfit.cli.output import Quiet
-from ifrfit.cli.progress import status
+from ifrfit.cli.output import Quiet, status
 from ifrfit.errors import UsageError
 
 

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ifrfit.cli.errors import command
-from ifrfit.cli.output import Quiet, say
-from ifrfit.cli.progress import working
+from ifrfit.cli.output import Quiet, command, say, working
 
 if TYPE_CHECKING:
     from ifrfit.report.simulation.supplement import Supplement

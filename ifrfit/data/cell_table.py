@@ -73,23 +73,16 @@ class Cells:
             parts.append(f"column {header}")
         return ", ".join(parts)
 
-    def refuse_first(
-        self,
-        bad: NDArray[np.bool_],
-        header: str,
-        why: str | Callable[[int], str],
-        rows: NDArray[np.int64] | None = None,
-    ) -> None:
-        """Refuse the first place that is bad; `why` says why, `rows` in which row of the table each place is.
+    def refuse_first(self, bad: NDArray[np.bool_], header: str, why: Callable[[int], str]) -> None:
+        """Refuse the first row that is bad; `why` says why.
 
         Raises
         ------
         DataError
             If there is one.
         """
-        for place in np.flatnonzero(bad)[:1].tolist():
-            row = place if rows is None else int(rows[place])
-            raise DataError(f"{self.at(row, header)}: {why if isinstance(why, str) else why(place)}")
+        for row in np.flatnonzero(bad)[:1].tolist():
+            raise DataError(f"{self.at(row, header)}: {why(row)}")
 
     def texts(self, column: int) -> list[str]:
         """Return the cells of a column as stripped text."""

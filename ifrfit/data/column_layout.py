@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.angular_momentum import MomentumCheck
 from ifrfit.data.cell_table import Cells
+from ifrfit.data.column_names import UNITS, parse_header, units_of
 from ifrfit.data.conventions import Conventions, suggest
-from ifrfit.data.missing_codes import refuse_missing_codes
-from ifrfit.data.units import UNITS, parse_header, units_of
 from ifrfit.errors import DataError
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -79,9 +78,7 @@ class Layout:
         if not self.has(key):
             return np.full(len(self.cells), np.nan)
         column = self.columns[key]
-        values = self._numbers_of(column)
-        if column.sign < 0:
-            values = -values
+        values = column.sign * self._numbers_of(column)
         if column.unit == "1" or (column.dimension == "number" and column.unit is None):
             return values
         if column.dimension == "angle":
@@ -93,8 +90,7 @@ class Layout:
                 f"{parse_header(column.header).name}_{unit.replace('/', '_')}, or say "
                 f"{suggest(f'unit:{column.header}={unit}')}."
             )
-        factor = UNITS[column.unit][1]
-        return values if factor == 1.0 else values * factor
+        return values * UNITS[column.unit][1]
 
     def _numbers_of(self, column: Column) -> NDArray[np.float64]:
         """Numbers of a column as they stand in the file; codes for "not measured" are refused."""
@@ -133,3 +129,53 @@ def to_degrees(values: NDArray[np.float64], column: Column, cells: Cells) -> NDA
             f"{name}_rad, or say {suggest(f'unit:{column.header}=deg')}."
         )
     return values
+
+
+# 99 and 999 with a decimal 9 are written as codes, too; a code fills the width of a column
+_CODES = np.array([99.0, 99.9, 99.99, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 999999.0])
+# short ones may be values: they count where several cells hold exactly the same
+_SHORT_CODES = np.array([9.0, 9.9, 9.99, 9.999, 9.9999])
+_SEVERAL = 3
+_FAR = 3.0  # times the largest other value from which a code is none of the rest
+
+
+def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64]) -> None:
+    """Refuse the first cell of a column that holds a code for "not measured".
+
+    A number counts as a code where it is written in nines and is several times larger than every other
+    value of its column; in a column of nothing else, where it is negative. One of the size of a value, as
+    9.99, has to stand there at least three times.
+
+    Parameters
+    ----------
+    cells : Cells
+    header : str
+    values : ndarray, (n,)
+        As they stand in the file.
+
+    Raises
+    ------
+    DataError
+        With file, line, column and remedy.
+    """
+    size = np.abs(values)
+    suspect = np.isin(size, _CODES)
+    for code in _SHORT_CODES[np.isin(_SHORT_CODES, size)]:
+        short = size == code
+        if short.sum() >= _SEVERAL and (~short & np.isfinite(values)).any():
+            suspect |= short
+    if not suspect.any():
+        return
+    others = size[~suspect & np.isfinite(values)]
+    if others.size:
+        suspect &= size > _FAR * others.max()
+    else:
+        suspect &= values < 0.0
+    cells.refuse_first(
+        suspect,
+        header,
+        lambda row: (
+            f"{values[row]:g} looks like a code for 'not measured', as every other value is far smaller. "
+            "Leave such cells empty."
+        ),
+    )

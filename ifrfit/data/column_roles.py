@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_layout import Column, Layout, to_degrees
-from ifrfit.data.column_names import Role, named_role, role_of
-from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions
-from ifrfit.data.incidence_angle import choose_angle
-from ifrfit.data.units import UNITS, parse_header, units_of
-from ifrfit.data.unknown_columns import refuse_unknown
+from ifrfit.data.column_names import (
+    UNITS,
+    WALL_ANGLE,
+    Role,
+    closest,
+    named_role,
+    parse_header,
+    role_of,
+    uncertainty_of,
+    units_of,
+)
+from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions, suggest
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -202,3 +211,130 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
         if not layout.has("observable") and not there & wanted:
             unused.append(f"{of}={choice}")
     layout.notes.extend(f"{name}: convention {what} found nothing to apply to." for what in unused)
+
+
+_REFERENCE = ("gamma", "tan_gamma", WALL_ANGLE)
+
+
+def choose_angle(layout: Layout, found: list[Column]) -> None:
+    """Take the one incidence angle.
+
+    Parameters
+    ----------
+    layout : Layout
+        Gets the angle and what is worth telling about it.
+    found : list of Column
+        All that could be the angle, with what their names say as key.
+
+    Raises
+    ------
+    DataError
+        There are several, or it is open from where the angle is measured.
+    """
+    conventions, cells = layout.conventions, layout.cells
+    if conventions.angle_column:
+        for other in found:
+            if other.header != conventions.angle_column:
+                layout.notes.append(
+                    f"{cells.name}: column {other.header} is ignored, the angle is another column."
+                )
+        found = [c for c in found if c.header == conventions.angle_column]
+    if not found:
+        return
+    if len(found) > 1:
+        names = ", ".join(f"'{c.header}'" for c in found[:-1]) + f" and '{found[-1].header}'"
+        number = "two" if len(found) == 2 else str(len(found))
+        raise DataError(
+            f"{cells.file}: {number} columns could be the incidence angle, {names}. Name it: "
+            f"{_either_angle(found[0].header)}"
+        )
+    column = found[0]
+    if conventions.angle_from is None and column.key not in _REFERENCE:
+        named = f"{column.header}:" if conventions.angle_column else ""
+        raise DataError(
+            f"{cells.at(header=column.header)}: could be measured from the wall or from its normal. Say "
+            f"which: {suggest(f'angle={named}from-wall')} or {suggest(f'angle={named}from-normal')}"
+        )
+    key = "tan_gamma" if column.key == "tan_gamma" or conventions.angle_unit == "tan" else "gamma"
+    unit = conventions.angle_unit if conventions.angle_unit in ("deg", "rad") else column.unit
+    layout.columns[key] = Column(column.index, column.header, key, "angle", unit)
+    wall = "from-wall" if column.key == WALL_ANGLE else "from-normal"
+    layout.angle_from = conventions.angle_from or wall
+    if layout.angle_from == "from-wall":
+        layout.notes.append(f"{cells.name}: column {column.header} was read as the angle from the wall.")
+
+
+_SHOWN = 4
+_LONGEST_REMEDY = 300
+
+
+def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoReturn:
+    """Refuse all unknown columns at once, with what can be said on the command line.
+
+    Parameters
+    ----------
+    cells : Cells
+    unknown : sequence of str
+        Headers.
+    angled : bool
+        Whether another column could be the incidence angle.
+
+    Raises
+    ------
+    DataError
+        Always.
+    """
+    if len(cells.headers) == 1:
+        raise DataError(
+            f"{cells.at(header=unknown[0])}: unknown name{_hint(unknown[0])}. Rename it; columns are "
+            "separated by commas, semicolons or tabs."
+        )
+    angle = None if angled else next(filter(_in_degrees, unknown), None)
+    first = unknown[0] if angle is None else angle
+    if len(unknown) == 1:
+        near = closest(first)
+        named = suggest(f"column:{near or 'NAME'}={first}")
+        aside = suggest(f"ignore={first}")
+        text = f"{cells.at(header=first)}: unknown name{_hint(first)}. "
+        if angle is not None:
+            text += f"If it is the incidence angle, say {_either_angle(first)}; otherwise "
+            raise DataError(f"{text}name it, {named}, or leave it out, {aside}.")
+        raise DataError(f"{text}Rename it, say what it holds, {named}, or leave it out, {aside}.")
+    shown = ", ".join(unknown[:_SHOWN])
+    more = len(unknown) - _SHOWN
+    shown += f" and {more} more" if more > 0 else ""
+    line = f", line {cells.header_line}" if cells.word == "line" else ""
+    holds = suggest(f"column:NAME={first}") if angle is None else _either_angle(angle)
+    raise DataError(
+        f"{cells.file}{line}: {len(unknown)} columns have unknown names, {shown}. Say what a column holds, "
+        f"{holds}, or leave columns out, {_without(unknown)}."
+    )
+
+
+def _either_angle(header: str) -> str:
+    """Return the two options for an incidence angle: from where it is measured, its header does not say."""
+    return f"{suggest(f'angle={header}:from-normal')} or {suggest(f'angle={header}:from-wall')}"
+
+
+def _hint(header: str) -> str:
+    sigma = uncertainty_of(header)
+    if sigma is not None:
+        return f", which looks like an uncertainty: one standard uncertainty is a column {sigma}"
+    near = closest(header)
+    return f", the closest known one is {near}" if near else ""
+
+
+def _in_degrees(header: str) -> bool:
+    parsed = parse_header(header)
+    short = parsed.without_suffix()
+    return (parsed.unit or (short.unit if short else None)) in units_of("angle")
+
+
+def _without(unknown: Sequence[str]) -> str:
+    """Return the option that leaves all of them out, as far as it stays readable."""
+    if any("," in header for header in unknown):
+        return f"{suggest(f'ignore={unknown[0]}')} and so on"
+    text = suggest(f"ignore={','.join(unknown)}")
+    return (
+        text if len(text) <= _LONGEST_REMEDY else f"{suggest(f'ignore={unknown[0]},{unknown[1]}')} and so on"
+    )

@@ -6,9 +6,8 @@ import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ifrfit.data.column_names import RAW, close_names, named_role
+from ifrfit.data.column_names import RAW, UNITS, close_names, named_role, unit_name
 from ifrfit.data.schema import PROVENANCES, provenance_name
-from ifrfit.data.units import UNITS, unit_name
 from ifrfit.errors import UsageError
 from ifrfit.physics.observables import OBSERVABLES
 

@@ -5,36 +5,28 @@ from __future__ import annotations
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
-from ifrfit.data.locations import Entry
+from ifrfit.data.catalogue import Entry, entry, load_dataset, printed_by_series
+from ifrfit.data.column_names import parse_header
 from ifrfit.data.observations import Observations
 from ifrfit.data.schema import STAND_IN
-from ifrfit.data.units import parse_header
-from ifrfit.errors import DataError
 
 WIDTH = 88
 KEY = 13  # columns of a key
 
 
-def description_lines(found: Entry, data: Observations) -> list[str]:
-    """Return `ifrfit datasets show` as lines, wrapped to `WIDTH` columns.
-
-    Parameters
-    ----------
-    found : Entry
-    data : Observations
-        What loading it gives; its one source carries the `Descriptor`.
+def describe(name: str) -> list[str]:
+    """Everything `ifrfit datasets show` tells about a dataset, as lines wrapped to `WIDTH` columns.
 
     Raises
     ------
-    DataError
-        If the source has no descriptor: every dataset has one.
+    UsageError, DataError
+        As `load_dataset`.
     """
+    found, data = entry(name), load_dataset(name)
     (source,), own = data.sources, found.package["ifrfit"]
     d = source.descriptor
-    if d is None:
-        raise DataError(f"{found.name}: has no descriptor. Install ifrfit again.")
+    assert d is not None  # every dataset has one
     series, observables = ", ".join(d.default_series), ", ".join(d.default_observables)
     chosen = f"{observables or 'by rule'} of {series or 'every series'}"
     every = {"every series": d.printed_constants} if d.printed_constants else {}
@@ -70,39 +62,22 @@ def _rows(data: Observations) -> list[str]:
     return [f"{label}: {', '.join(found)}" for label, found in counts.items()]
 
 
-def printed_by_series(own: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Return the constants that a source prints, by series; the rest of an entry says where.
-
-    Parameters
-    ----------
-    own : mapping
-        The ``ifrfit`` object of datapackage.json.
-    """
-    return {
-        label: {name: float(value) for name, value in constants.items() if isinstance(value, int | float)}
-        for label, constants in own.get("printed_constants_by_series", {}).items()
-    }
-
-
 def listing_lines(entries: Iterable[Entry]) -> list[str]:
     """Return `ifrfit datasets list` as lines: name, provenance and title in columns, then what to do next."""
-    entries = list(entries)
-    packages = [entry.package for entry in entries]
-    provenances = [package["ifrfit"]["provenance"] for package in packages]
-    kinds = [
-        kind + (" (yours)" if entry.installed else "")
-        for kind, entry in zip(provenances, entries, strict=True)
-    ]
-    names = max((len(entry.name) for entry in entries), default=0)
-    wide = max(map(len, kinds), default=0)
-    lines = []
-    for entry, package, kind in zip(entries, packages, kinds, strict=True):
+    rows = []
+    for each in entries:
+        package = each.package
+        kind = package["ifrfit"]["provenance"]
         # the column before says it
         title = str(package["title"]).removesuffix(f": {STAND_IN}")
-        start = f"{entry.name:<{names}}  {kind:<{wide}}  "
+        rows.append((each.name, kind + (" (yours)" if each.installed else ""), title))
+    names, wide = (max((len(row[i]) for row in rows), default=0) for i in range(2))
+    lines = []
+    for name, kind, title in rows:
+        start = f"{name:<{names}}  {kind:<{wide}}  "
         lines += _wrapped(title, start, " " * len(start))
     told = ["'ifrfit datasets show NAME' tells more, 'ifrfit fit NAME' fits one."]
-    if STAND_IN in provenances:
+    if any(kind == STAND_IN for _, kind, _ in rows):
         told.append(
             "A stand-in is generated from the constants a paper prints: it shows that the tool works and "
             "says nothing about the experiment. 'ifrfit datasets install NAME FILE' puts your own "

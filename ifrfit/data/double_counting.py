@@ -8,7 +8,7 @@ takes is still free.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Mask = NDArray[np.bool_]
-Faces = Mapping[str, Sequence[Sequence[str]]]
 
 _BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
 
 
 def double_counted(
-    table: pd.DataFrame, faces: Faces, observable: Sequence[str], series: Sequence[str]
+    table: pd.DataFrame,
+    faces: Mapping[str, Sequence[Sequence[str]]],
+    observable: Sequence[str],
+    series: Sequence[str],
 ) -> tuple[Mask, list[str]]:
     """Find the rows that would count an impact a second time.
 
@@ -55,15 +57,17 @@ def double_counted(
     double = np.zeros(len(table), dtype=bool)
     for source, groups in faces.items():
         here = (table["source"] == source).to_numpy()
-        for number, group in enumerate(groups):
+        for group in groups:
             members = here & table["series"].isin(list(group)).to_numpy()
-            later = _later_faces(names, labels, members)
+            links = np.where(members, 0, -1)
+            later = _taken(links, names, labels)
             if later.any():
-                _refuse_named(table, np.where(members, f"{source} {number}", "").astype(object), named)
+                _refuse_named(table, links, named)
             double |= later
-    within = _within_impacts(table, names, ~double)
+    impacts = impact_numbers(table)
+    within = _taken(np.where(double, -1, impacts), names, np.arange(len(table)))
     if within.any():
-        _refuse_named(table, _links(table), named)
+        _refuse_named(table, impacts, named)
     double |= within
     return double, _notes(table, names, labels, double)
 
@@ -73,45 +77,37 @@ def _bits_of(name: str) -> int:
     return sum(_BIT[slot] for slot in OBSERVABLES[name].takes)
 
 
-def _later_faces(names: NDArray[np.object_], labels: NDArray[np.object_], members: Mask) -> Mask:
-    """Choose whole (observable, series) pairs: faces need not share angles or identifiers."""
-    out = np.zeros(len(names), dtype=bool)
-    taken = 0
-    for name in (o for o in OBSERVABLES if _bits_of(o)):
-        bits = _bits_of(name)
-        for label in dict.fromkeys(labels[members & (names == name)]):
-            if taken & bits:
-                out |= members & (names == name) & (labels == label)
-            else:
-                taken |= bits
-    return out
+def _taken(links: NDArray[np.int64], names: NDArray[np.object_], readings: NDArray[Any]) -> Mask:
+    """Go through the observables in order and keep, impact by impact, what is not yet taken up.
 
-
-def _within_impacts(table: pd.DataFrame, names: NDArray[np.object_], free: Mask) -> Mask:
-    """Go through the observables in order and keep, impact by impact, what is not yet taken up."""
-    ids = table["impact_id"].to_numpy(dtype=object)
-    linked = free & (ids != "")
+    Parameters
+    ----------
+    links : (n,) int array
+        Impact of each row, or the faces it belongs to, which need not share angles or identifiers; -1 for
+        none.
+    names : (n,) object array
+        Observable of each row.
+    readings : (n,) array
+        Rows of one reading stay together.
+    """
     out = np.zeros(len(names), dtype=bool)
-    if not linked.any():
-        return out
-    impact = table.groupby(["source", "impact_id"], sort=False).ngroup().to_numpy()
-    taken = np.zeros(int(impact.max()) + 1, dtype=np.uint8)
-    for name in (o for o in OBSERVABLES if _bits_of(o)):
-        rows = np.flatnonzero(linked & (names == name))
+    taken = np.zeros(int(links.max(initial=-1)) + 1, dtype=np.uint8)
+    for name in (o for o in OBSERVABLES if taken.size and _bits_of(o)):
+        rows = np.flatnonzero((links >= 0) & (names == name))
         if not rows.size:
             continue
         bits = np.uint8(_bits_of(name))
-        first = np.zeros(len(rows), dtype=bool)
-        first[np.unique(impact[rows], return_index=True)[1]] = True
-        good = first & ((taken[impact[rows]] & bits) == 0)
-        taken[impact[rows[good]]] |= bits
+        _, first, which = np.unique(links[rows], return_index=True, return_inverse=True)
+        same = readings[rows] == readings[rows[first]][which]
+        good = same & ((taken[links[rows]] & bits) == 0)
+        taken[links[rows[good]]] |= bits
         out[rows[~good]] = True
     return out
 
 
 def _refuse_named(
     table: pd.DataFrame,
-    links: NDArray[np.object_],
+    links: NDArray[np.int64],
     named: Sequence[tuple[str, Sequence[str], NDArray[np.object_]]],
 ) -> None:
     """Refuse a conflict among several observables, or several series, that the user named."""
@@ -131,12 +127,12 @@ def _refuse_named(
 
 
 def _same_measurement(
-    links: NDArray[np.object_], bits: NDArray[np.uint8], column: NDArray[np.object_]
+    links: NDArray[np.int64], bits: NDArray[np.uint8], column: NDArray[np.object_]
 ) -> tuple[int, list[str]] | None:
     """Return a row, and the different values of `column`, that take the same measurement of one impact."""
     for bit in _BIT.values():
-        rows = np.flatnonzero((bits & bit > 0) & (links != ""))
-        first: dict[str, str] = {}
+        rows = np.flatnonzero((bits & bit > 0) & (links >= 0))
+        first: dict[int, str] = {}
         for row, link, value in zip(rows, links[rows], column[rows], strict=True):
             if first.setdefault(link, value) != value:
                 return int(row), [first[link], value]
@@ -179,10 +175,17 @@ def _words(
     return ", ".join(both[0]), ", ".join(both[1])
 
 
-def _links(table: pd.DataFrame) -> NDArray[np.object_]:
-    """Return one text per impact; empty where a row is not tied to one."""
-    ids = table["impact_id"].to_numpy(dtype=object)
-    return np.where(ids == "", "", table["source"].to_numpy(dtype=object) + "\0" + ids).astype(object)
+def impact_numbers(table: pd.DataFrame) -> NDArray[np.int64]:
+    """Return one number per impact; -1 where a row is not tied to one."""
+    import pandas as pd
+
+    tied = (table["impact_id"] != "").to_numpy(dtype=bool)
+    numbers = np.full(len(table), -1)
+    if tied.any():
+        ids, labels = pd.factorize(table["impact_id"])
+        sources, _ = pd.factorize(table["source"])
+        numbers[tied] = (sources * len(labels) + ids)[tied]
+    return numbers
 
 
 def shares_e_n(table: pd.DataFrame) -> list[str]:
@@ -192,8 +195,8 @@ def shares_e_n(table: pd.DataFrame) -> list[str]:
     normal = np.isin(names, ["e_n", "v_n"])
     if not (mixed.any() and normal.any()):
         return []
-    links = _links(table)
-    shared = mixed & (links != "") & np.isin(links, links[normal])
+    links = impact_numbers(table)
+    shared = mixed & (links >= 0) & np.isin(links, links[normal])
     if not shared.any():
         return []
     which = ", ".join(dict.fromkeys(names[shared]))

@@ -12,20 +12,21 @@ wall does under the impulse per mass 2 P/m. So the same equations read both (doc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.data.angular_momentum import check_momentum
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
 from ifrfit.data.conventions import suggest
-from ifrfit.data.incoming_motion import Incoming, read_incoming, require, z_remedy, z_rule, zero_where_missing
-from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import TINY
-from ifrfit.data.wide_table import impact_ids
+from ifrfit.data.table_forms import Piece, impact_ids
 from ifrfit.errors import DataError
-from ifrfit.physics.angles import Array
+from ifrfit.physics.angles import Array, sincos
 from ifrfit.physics.observables import OBSERVABLES
 
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
@@ -196,6 +197,14 @@ def _radius(layout: Layout) -> tuple[Array, Array] | None:
     return radius, layout.numbers(f"sigma:{key}") * factor
 
 
+def _components(
+    layout: Layout, incoming: Incoming, keys: Sequence[str], missing: float = np.nan
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return a vector along and across the incoming tangential velocity, each with its uncertainty."""
+    x, y = (layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys)
+    return incoming.turned(x, y, *(layout.numbers(f"sigma:{k}") for k in keys))
+
+
 def _spins(
     layout: Layout, incoming: Incoming, radius: tuple[Array, Array] | None, when: str
 ) -> dict[str, tuple[Array, Array, str]]:
@@ -205,15 +214,9 @@ def _spins(
     if radius is None or not given:
         return {}
     # Before the impact an axis without a column has no spin; after it, it was not measured.
-    missing = 0.0 if not when else np.nan
-    x, y = (
-        layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys.values()
-    )
-    sx, sy = (layout.numbers(f"sigma:{k}") for k in keys.values())
-    along, across = incoming.turned(x, y)
-    s_along, s_across = incoming.turned_sigma(sx, sy, along, across)
+    rates = _components(layout, incoming, list(keys.values()), np.nan if when else 0.0)
     result = {}
-    for axis, rate, sigma, sign in (("x", along, s_along, -1.0), ("y", across, s_across, 1.0)):
+    for axis, sign, (rate, sigma) in zip("xy", (-1.0, 1.0), rates, strict=True):
         if axis not in given and not np.any(incoming.s != 0.0):
             continue
         size, sigma_size = radius
@@ -226,23 +229,134 @@ def _spins(
 def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
     """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
     result: dict[str, tuple[Array, Array, str]] = {}
-    x, y = layout.numbers("raw:v_x"), layout.numbers("raw:v_y")
-    along, across = incoming.turned(x, y)
-    sigmas = incoming.turned_sigma(
-        layout.numbers("sigma:raw:v_x"), layout.numbers("sigma:raw:v_y"), along, across
-    )
-    for axis, value, sigma in (("x", along, sigmas[0]), ("y", across, sigmas[1])):
-        if layout.has(f"raw:v_{axis}"):
-            result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
-    if layout.has("raw:v_z"):
-        z = layout.numbers("raw:v_z")
-        require(layout, "raw:v_z", z, z <= 0, z_rule(layout, "leaves", "v_z"), z_remedy(layout))
-        result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
-    elif layout.has("raw:v_n"):
-        normal = layout.numbers("raw:v_n")
-        require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
-        result["v_n"] = (
-            *incoming.per_speed(normal, layout.numbers("sigma:raw:v_n")),
-            layout.header("raw:v_n"),
-        )
+    keys = ["raw:v_x", "raw:v_y"]
+    for key, component in zip(keys, _components(layout, incoming, keys), strict=True):
+        if layout.has(key):
+            result[key.removeprefix("raw:")] = (*incoming.per_speed(*component), layout.header(key))
+    key, sign = ("raw:v_z", -1.0) if layout.has("raw:v_z") else ("raw:v_n", 1.0)
+    if layout.has(key):
+        normal = layout.numbers(key)
+        rule, remedy = "v_n is the magnitude of the normal velocity after", "Correct it."
+        if sign < 0.0:
+            rule, remedy = z_rule(layout, "leaves", "v_z"), z_remedy(layout)
+        require(layout, key, normal, sign * normal >= 0, rule, remedy)
+        speed = incoming.per_speed(sign * normal, layout.numbers(f"sigma:{key}"))
+        result["v_n"] = (*speed, layout.header(key))
     return result
+
+
+@dataclass(frozen=True)
+class Incoming:
+    """Speed, angle and direction before; c, s: cosine and sine of the turn about z; sigmas may be NaN."""
+
+    u: Array
+    gamma_deg: Array
+    tangential: Array
+    c: Array
+    s: Array
+    sigma_u: Array
+    sigma_gamma_deg: Array
+    sigma_turn: Array
+
+    def turned(
+        self, x: Array, y: Array, sigma_x: Array, sigma_y: Array
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Return components along and across the incoming tangential velocity, each with its uncertainty.
+
+        That is the one of the components and of the turn itself. Without a turn a component that was not
+        measured does not spoil the other.
+        """
+
+        def mixed(c: Array, s: Array, own: Array, other: Array) -> Array:
+            return c * own + np.where(self.s == 0.0, 0.0, s * other)
+
+        along, across = mixed(self.c, self.s, x, y), mixed(self.c, -self.s, y, x)
+        c2, s2, turn2 = self.c**2, self.s**2, self.sigma_turn**2
+        var_along = mixed(c2, s2, sigma_x**2, sigma_y**2) + zero_where_missing(across**2 * turn2)
+        var_across = mixed(c2, s2, sigma_y**2, sigma_x**2) + zero_where_missing(along**2 * turn2)
+        return (along, np.sqrt(var_along)), (across, np.sqrt(var_across))
+
+    def per_speed(self, value: Array, sigma: Array) -> tuple[Array, Array]:
+        """Return a velocity over u, and its uncertainty with that of u."""
+        ratio = value / self.u
+        return ratio, np.sqrt(sigma**2 + zero_where_missing((ratio * self.sigma_u) ** 2)) / self.u
+
+
+def zero_where_missing(x: Array) -> Array:
+    """Return uncertainties with 0 for those that were not stated."""
+    return np.where(np.isnan(x), 0.0, x)
+
+
+def read_incoming(layout: Layout) -> Incoming:
+    """Return the motion before from ``u_x, u_y, u_z``, or from speed and incidence angle.
+
+    Raises
+    ------
+    DataError
+        An impact does not approach the wall.
+    """
+    n = len(layout.cells)
+    if not layout.has("raw:u_z"):
+        gamma, u = layout.gamma(), layout.numbers("speed")
+        require(layout, "speed", u, u > 0, "the speed must be positive")
+        sine = sincos(gamma, degrees=True)[0]
+        none = np.full(n, np.nan)
+        sigma_gamma = layout.numbers("sigma_gamma")
+        return Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), none, sigma_gamma, none)
+    x, z = layout.numbers("raw:u_x"), layout.numbers("raw:u_z")
+    y = layout.numbers("raw:u_y") if layout.has("raw:u_y") else np.zeros(n)
+    require(layout, "raw:u_z", z, z > 0, z_rule(layout, "comes", "u_z"), z_remedy(layout))
+    tangential = np.hypot(x, y)
+    u = np.hypot(tangential, z)
+    moving = tangential > 0.0
+    length = np.where(moving, tangential, 1.0)
+    c, s = np.where(moving, x / length, 1.0), np.where(moving, y / length, 0.0)
+    given = [layout.numbers(f"sigma:raw:u_{axis}") for axis in "xyz"]
+    known = ~np.isnan(given).all(axis=0)
+    sx, sy, sz = (zero_where_missing(sigma) for sigma in given)
+    along = np.hypot(c * sx, s * sy)
+    sigma_u = np.sqrt((tangential * along) ** 2 + (z * sz) ** 2) / u
+    sigma_gamma = np.degrees(np.hypot(z * along, tangential * sz) / u**2)
+    turn = np.where(moving, np.hypot(s * sx, c * sy) / length, 0.0)
+    return Incoming(
+        u,
+        np.degrees(np.arctan2(tangential, z)),
+        tangential,
+        c,
+        s,
+        np.where(known, sigma_u, np.nan),
+        np.where(known, sigma_gamma, np.nan),
+        np.where(known, turn, np.nan),
+    )
+
+
+def z_rule(layout: Layout, does: str, name: str) -> str:
+    """Say which sign a normal velocity has: of a sphere that ``comes`` or ``leaves``."""
+    out = layout.conventions.out_of_wall
+    sign = "positive" if (does == "comes") != out else "negative"
+    way = "points out of the wall by --convention z=out-of-wall" if out else "points into the wall"
+    return f"z {way}, so a sphere that {does} has a {sign} {name}"
+
+
+def z_remedy(layout: Layout) -> str:
+    """Say what to do about a normal velocity of the wrong sign."""
+    if layout.conventions.out_of_wall:
+        return "Correct it."
+    return "Correct it, or say --convention z=out-of-wall if z points out of the wall in this table."
+
+
+def require(
+    layout: Layout,
+    key: str,
+    values: Array,
+    holds: NDArray[np.bool_],
+    rule: str,
+    remedy: str = "Correct it.",
+) -> None:
+    """Refuse the first row where a rule does not hold; what was not measured breaks none."""
+    sign = layout.columns[key].sign  # that the file has
+    layout.cells.refuse_first(
+        ~holds & ~np.isnan(values),
+        layout.header(key),
+        lambda row: f"{sign * values[row]:g}, but {rule}. {remedy}",
+    )

@@ -16,16 +16,12 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import parse_conventions
-from ifrfit.data.impact_numbers import refuse_restarted_impacts
-from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.data.partial_table import Piece, source_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
-from ifrfit.data.summary_rows import refuse_summary_rows
+from ifrfit.data.table_forms import Piece, read_long, read_wide, source_headers
 from ifrfit.data.tabular import read_cells
-from ifrfit.data.validate import drop_missing, validate
-from ifrfit.data.wide_table import read_wide
+from ifrfit.data.validate import drop_missing, refuse_restarted_impacts, refuse_summary_rows, validate
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -77,8 +73,7 @@ def read(
         validate(some, cells)
         kept.append(some)
         skipped.update(why)
-    total = sum(len(piece.rows) for piece in pieces)
-    return _assemble(path, layout, kept, dict(skipped), total)
+    return _assemble(path, layout, kept, dict(skipped))
 
 
 def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
@@ -105,7 +100,7 @@ def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
 
 
 def _assemble(
-    path: Path, layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int], total: int
+    path: Path, layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int]
 ) -> Observations:
     """Join the pieces in the order of the file."""
     cells = layout.cells
@@ -123,9 +118,14 @@ def _assemble(
     provenance = _provenances(layout)[rows]
     columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
-    headers = source_headers(layout)
     source = Source(
-        _as_text(path.name), cells.sha256, total, len(rows), dict(skipped), stated, headers=headers
+        name=_as_text(path.name),
+        sha256=cells.sha256,
+        rows=len(rows) + sum(skipped.values()),
+        rows_used=len(rows),
+        rows_skipped=skipped,
+        provenance=stated,
+        headers=source_headers(layout),
     )
     return Observations(make_table(columns), (source,), tuple(layout.notes), tuple(layout.momentum))
 
@@ -157,6 +157,4 @@ def _provenances(layout: Layout) -> NDArray[np.object_]:
     )
     if said and "" not in names.values():
         layout.notes.append(f"{cells.name}: convention provenance={said} found nothing to apply to.")
-    if len(names) == 1:
-        return np.full(len(texts), names[str(texts[0])] or said, dtype=object)
     return np.array([names[text] or said for text in texts], dtype=object)

@@ -35,3 +35,21 @@ def provenance_name(text: str) -> str | None:
     name = text.strip().lower().replace("_", "-")
     name = _PROVENANCE_SPELLINGS.get(name.replace("-", ""), name)
     return name if name in PROVENANCES or not name else None
+
+
+def template_text(raw: bool = False) -> str:
+    """Return a commented CSV to fill in.
+
+    Parameters
+    ----------
+    raw : bool
+        Velocities and spins before and after instead of observables.
+
+    Returns
+    -------
+    str
+        Rules, header and examples, in lines of at most 88 characters; the examples are commented out
+        (``#10,0.45,...``), so that they cannot be fitted by mistake, and marked as simulated.
+    """
+    name = "template_raw.csv" if raw else "template.csv"
+    return files("ifrfit.data").joinpath(name).read_text(encoding="utf-8")

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.double_counting import count, double_counted, shares_e_n
-from ifrfit.data.exclusion import excluded
 from ifrfit.data.observations import Observations, Source
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Mask = NDArray[np.bool_]
 # column, unit and word of what a range is about
@@ -89,7 +89,8 @@ def select(obs: Observations, selection: Selection) -> Observations:
     why = np.full(len(table), "", dtype=object)
     for reason, keep in _filters(table, selection):
         why[(why == "") & ~keep] = reason
-    why[(why == "") & excluded(table, selection.exclude)] = "excluded"
+    unwanted = [excluded(table, str(entry).strip()) for entry in selection.exclude]
+    why[(why == "") & np.any(unwanted, axis=0)] = "excluded"
     if not np.any(why == ""):
         raise DataError(_nothing_left(why, selection))
     notes: list[str] = []
@@ -197,3 +198,51 @@ def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selec
         words.append("rows of the same impacts taken as independent")
     text = ("; ".join(words) or source.selection) if len(used) else "nothing"
     return replace(source, rows_used=len(used), rows_skipped=dict(skipped), selection=text)
+
+
+def excluded(table: pd.DataFrame, entry: str) -> Mask:
+    """Return which rows an entry names: ``7`` or ``FILE:7`` is a line, ``id:7`` or other text an impact_id.
+
+    Raises
+    ------
+    UsageError
+        It names nothing, or could mean more than one thing.
+    """
+    impacts = (table["impact_id"] == entry).to_numpy() & (entry != "")
+    if entry.startswith("id:") and not impacts.any():
+        impacts = (table["impact_id"] == entry[3:]).to_numpy()
+        rows = np.zeros(len(table), dtype=bool)
+    else:
+        rows = _rows(table, entry)
+    both = bool(rows.any() and impacts.any())
+    if both and not np.array_equal(rows, impacts):
+        name = table["source"].to_numpy()[rows][0]
+        raise UsageError(
+            f"--exclude {entry}: could be line {entry} or the impact called {entry}. Write {name}:{entry} "
+            f"for the line, id:{entry} for the impact."
+        )
+    found = rows | impacts
+    if not found.any():
+        raise UsageError(
+            f"--exclude {entry}: names no row and no impact of the data. Give the number of a line of the "
+            "file, FILE:LINE, or an impact_id."
+        )
+    return found
+
+
+def _rows(table: pd.DataFrame, entry: str) -> Mask:
+    source, colon, number = entry.rpartition(":")
+    if not number.isdecimal():
+        return np.zeros(len(table), dtype=bool)
+    here = (table["row"] == int(number)).to_numpy()
+    if colon:
+        # a path works as well as the name of the file, which is what the table keeps
+        name = source.replace("\\", "/").rsplit("/", 1)[-1]
+        return here & table["source"].isin([source, name]).to_numpy()
+    sources = list(dict.fromkeys(table["source"].to_numpy()[here]))
+    if len(sources) > 1:
+        raise UsageError(
+            f"--exclude {entry}: there is a line {entry} in {' and in '.join(sources)}. Write "
+            f"{sources[0]}:{entry}."
+        )
+    return here

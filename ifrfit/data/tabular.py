@@ -6,8 +6,10 @@ import csv
 import hashlib
 import io
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +50,7 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
     raw = read_bytes(path)
     sha256 = hashlib.sha256(raw).hexdigest()
     if raw[:4] == b"PAR1":
-        from ifrfit.data.parquet import read_parquet
+        from ifrfit.data.tabular import read_parquet
 
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
@@ -100,46 +102,17 @@ def _parse(text: str, file: str, sha256: str, is_header: Callable[[str], bool]) 
     start, delimiter = _find_header(lines, is_header, file)
     _refuse_long_cells(lines, start, delimiter, file)
     commas = delimiter != "," and any("," in line for line in lines[start + 1 :])
-    headers, columns, at = _split_plain(lines, start, delimiter) or _split_quoted(
-        lines, start, delimiter, file
-    )
-    return Cells(file, sha256, headers, at[0], np.array(at[1:], dtype=np.int64), columns, commas)
-
-
-_Split = tuple[list[str], Sequence[CellColumn | DataError], list[int]]
-
-
-def _split_plain(lines: list[str], start: int, delimiter: str) -> _Split | None:
-    """Return headers, columns and line numbers of a table without quotes or ragged lines; else None.
-
-    One split of the whole text is several times faster than a list of cells for every line.
-    """
-    at = [i + 1 for i, line in enumerate(lines) if i >= start and line.strip(_BLANK)]
-    filled = [lines[i - 1] for i in at]
-    width = filled[0].count(delimiter) + 1
-    text = delimiter.join(filled)
-    if '"' in text or any(line.count(delimiter) != width - 1 for line in filled):
-        return None
-    headers = [cell.strip() for cell in filled[0].split(delimiter)]
-    if not all(headers):
-        return None
-    cells = text.split(delimiter)
-    return headers, [cells[width + j :: width] for j in range(width)], at
-
-
-def _split_quoted(lines: list[str], start: int, delimiter: str, file: str) -> _Split:
-    """Return headers, columns and line numbers; names the first ragged line."""
-    rows, numbers = _rows(lines, start, delimiter, file)
-    headers = [cell.strip() for cell in rows[0]]
-    body, at = rows[1:], numbers[1:]
+    rows, at = _rows(lines, start, delimiter, file)
+    headers = [cell.strip() for cell in rows.pop(0)]
     width = len(headers)
-    while width and not headers[width - 1] and all(len(r) < width or not r[width - 1].strip() for r in body):
+    while width and not headers[width - 1] and all(len(r) < width or not r[width - 1].strip() for r in rows):
         width -= 1  # spreadsheets export empty columns to the right
     headers = headers[:width]
-    if any(len(row) != width for row in body):
-        body = [_fit(row, headers, f"{file}, line {n}", delimiter) for row, n in zip(body, at, strict=True)]
-    columns = list(zip(*body, strict=True)) if body else [()] * width
-    return headers, columns, numbers
+    if any(len(row) != width for row in rows):
+        body = zip(rows, at[1:], strict=True)
+        rows = [_fit(row, headers, f"{file}, line {n}", delimiter) for row, n in body]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * width
+    return Cells(file, sha256, headers, at[0], np.array(at[1:], dtype=np.int64), columns, commas)
 
 
 def _rows(lines: list[str], start: int, delimiter: str, file: str) -> tuple[list[list[str]], list[int]]:
@@ -150,7 +123,7 @@ def _rows(lines: list[str], start: int, delimiter: str, file: str) -> tuple[list
     before = start
     try:
         for row in reader:
-            if any(row) and any(map(str.strip, row)):
+            if "".join(row).strip(_BLANK):
                 rows.append(row)
                 numbers.append(before + 1)
             before = start + reader.line_num
@@ -241,3 +214,46 @@ def _check_headers(cells: Cells) -> None:
                 f"called '{header}'. Rename or remove one."
             )
         seen[key] = number
+
+
+def read_parquet(raw: bytes, file: str) -> tuple[list[str], Sequence[CellColumn | DataError], int]:
+    """Return the names, the columns and the number of rows of a Parquet file.
+
+    A column is a float array, a sequence of text, or the error that its use raises.
+
+    Raises
+    ------
+    DataError
+        The file is damaged.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(io.BytesIO(raw))
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "damaged"
+        raise DataError(f"{file}: not a readable Parquet file ({reason:.100}). Write it again.") from None
+    names = [str(name).strip() for name in table.column_names if not str(name).startswith("__index_level_")]
+    return names, [_column(table.column(name), name, file, pa) for name in names], table.num_rows
+
+
+def _column(column: Any, name: str, file: str, pa: Any) -> CellColumn | DataError:
+    """Return numbers or texts; what is neither comes as the error to raise when somebody wants to use it."""
+    kind = column.type
+    if pa.types.is_dictionary(kind):
+        column = column.cast(kind.value_type)
+        kind = column.type
+    if (
+        pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_decimal(kind)
+        or pa.types.is_null(kind)
+    ):
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
+        return [cell if cell is not None else "" for cell in column.to_pylist()]
+    return DataError(
+        f"{file}, column {name}: holds {kind}, neither numbers nor text. Convert it, or leave it out: "
+        f"--convention {shlex.quote(f'ignore={name}')}."
+    )

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cell_table import Cells
-from ifrfit.data.partial_table import Piece
+from ifrfit.data.cell_table import Cells, show
+from ifrfit.data.column_layout import Layout
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
-from ifrfit.physics.angles import sincos
-from ifrfit.physics.observable import Observable
+from ifrfit.data.table_forms import Piece
+from ifrfit.errors import DataError
+from ifrfit.physics.angles import Array, sincos
 from ifrfit.physics.observables import FREE, OBSERVABLES
 
 Mask = NDArray[np.bool_]
@@ -41,7 +43,7 @@ def drop_missing(piece: Piece) -> tuple[Piece, dict[str, int]]:
         Count by reason.
     """
     columns = piece.columns
-    without_angle = _of(columns["observable"], lambda o: not o.has_angle)
+    without_angle = np.isin(columns["observable"], [o.name for o in OBSERVABLES.values() if not o.has_angle])
     missing = np.zeros(len(piece.rows), dtype=bool)
     skipped: dict[str, int] = {}
     for reason, here in (
@@ -68,27 +70,37 @@ def validate(piece: Piece, cells: Cells) -> None:
     DataError
         Names the first offending row.
     """
-    for name, bad, text in _ranges(piece):
-        _refuse(piece, cells, name, bad, text)
-    for observable in dict.fromkeys(piece.columns["observable"]):
-        here = piece.columns["observable"] == observable
-        _check_values(piece, cells, OBSERVABLES[observable], here)
-        _check_defined(piece, cells, OBSERVABLES[observable], here)
-        _check_tiny_sigma(piece, cells, str(observable), here)
+    for name, bad, text in _broken_rules(piece):
+        for place in np.flatnonzero(bad)[:1].tolist():
+            said = text.format(f"{piece.columns[name][place]:.6g}")
+            raise DataError(f"{cells.at(piece.rows[place], piece.header(name))}: {said}")
 
 
-def _of(observables: NDArray[np.object_], rule: Callable[[Observable], bool]) -> Mask:
-    names = [o for o in dict.fromkeys(observables) if rule(OBSERVABLES[o])]
-    return np.isin(observables, names)
-
-
-def _refuse(piece: Piece, cells: Cells, name: str, bad: Mask, text: str) -> None:
-    values = piece.columns[name]
-    cells.refuse_first(bad, piece.header(name), lambda i: text.format(f"{values[i]:.6g}"), piece.rows)
-
-
-def _ranges(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
+def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
+    """Rules one after the other: the column, which rows break it, and what to say of the value."""
     columns = piece.columns
+    yield from _ranges(columns)
+    undefined = without_value(columns["gamma_deg"], columns["spin_x"], columns["spin_y"])
+    for name in dict.fromkeys(columns["observable"]):
+        observable, here = OBSERVABLES[name], columns["observable"] == name
+        value = columns["value"]
+        outside = (value < observable.low) | (value > observable.high)
+        tiny = (np.abs(value) < TINY) & (value != 0)
+        unit = " degrees" if observable.unit == "deg" else ""
+        yield (
+            "value",
+            here & (outside | tiny),
+            f"{{}}{unit} is impossible for {name} ({observable.low:g} to {observable.high:g}{unit}). "
+            "Correct it.",
+        )
+        named = "" if piece.header("value") == name else f"{name}: "
+        for kind in observable.undefined:
+            said = f"{named}{_UNDEFINED[kind]}. Empty the cell or remove the row."
+            yield "value", here & undefined[kind], said
+        yield from _tiny_sigmas(columns["sigma"], name, here)
+
+
+def _ranges(columns: Mapping[str, Any]) -> Iterator[tuple[str, Mask, str]]:
     gamma = columns["gamma_deg"]
     yield (
         "gamma_deg",
@@ -132,24 +144,8 @@ def _ranges(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
         )
 
 
-def _check_values(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
-    value = piece.columns["value"]
-    outside = (value < observable.low) | (value > observable.high)
-    tiny = (np.abs(value) < TINY) & (value != 0)
-    unit = " degrees" if observable.unit == "deg" else ""
-    _refuse(
-        piece,
-        cells,
-        "value",
-        here & (outside | tiny),
-        f"{{}}{unit} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}"
-        f"{unit}). Correct it.",
-    )
-
-
-def _check_tiny_sigma(piece: Piece, cells: Cells, observable: str, here: Mask) -> None:
-    """Refuse a sigma that one row can have by a slip only: the fit would pass through its value."""
-    sigma = piece.columns["sigma"]
+def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[str, Mask, str]]:
+    """A sigma that one row can have by a slip only: the fit would pass through its value."""
     ordered = np.sort(sigma[here & (sigma > 0.0)])
     if ordered.size < _FEWEST_SIGMAS:
         return
@@ -158,9 +154,7 @@ def _check_tiny_sigma(piece: Piece, cells: Cells, observable: str, here: Mask) -
     below = ordered[ordered < _TINY_SHARE * median]
     if not below.size or ordered[below.size] * _TINY_SHARE <= below[-1]:
         return
-    _refuse(
-        piece,
-        cells,
+    yield (
         "sigma",
         here & (sigma <= below[-1]),
         f"{{}} is more than {1.0 / _TINY_SHARE:,.0f} times smaller than the median sigma of {observable}, "
@@ -168,9 +162,7 @@ def _check_tiny_sigma(piece: Piece, cells: Cells, observable: str, here: Mask) -
     )
 
 
-def without_value(
-    gamma_deg: NDArray[np.float64], s_x: NDArray[np.float64], s_y: NDArray[np.float64]
-) -> dict[str, Mask]:
+def without_value(gamma_deg: Array, s_x: Array, s_y: Array) -> dict[str, Mask]:
     """Return which impacts leave observables without a value, by the reasons of `Observable.undefined`."""
     sine, cosine = sincos(gamma_deg, degrees=True)
     spin = np.hypot(s_x, s_y)
@@ -182,10 +174,76 @@ def without_value(
     }
 
 
-def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
-    columns, header = piece.columns, piece.header("value")
-    name = "" if header == observable.name else f"{observable.name}: "
-    where = without_value(columns["gamma_deg"], columns["spin_x"], columns["spin_y"])
-    for kind in observable.undefined:
-        said = f"{name}{_UNDEFINED[kind]}. Empty the cell or remove the row."
-        cells.refuse_first(here & where[kind], header, said, piece.rows)
+_SUMMARIES = ("mean", "average", "std", "sd", "total")
+
+
+def refuse_summary_rows(layout: Layout) -> None:
+    """Refuse the first row whose impact or series is called a mean, a standard deviation or a total.
+
+    A series of that name that every row belongs to is a label like any other: a table of means.
+
+    Parameters
+    ----------
+    layout : Layout
+
+    Raises
+    ------
+    DataError
+        With file, line, column and remedy.
+    """
+    for key in ("impact_id", "series"):
+        if not layout.has(key):
+            continue
+        texts = layout.texts(key)
+        found = [row for row, text in enumerate(texts) if text.lower() in _SUMMARIES]
+        if 0 < len(found) < len(texts):
+            raise DataError(
+                f"{layout.cells.at(found[0], layout.header(key))}: {show(texts[found[0]])} names a summary "
+                "of other rows, not an impact. Remove the row."
+            )
+
+
+# by how much readings of one impact may differ, and what to call them; of a speed relative to itself
+_SETTINGS = {
+    "gamma_deg": (0.5, "angle", " degrees"),
+    "spin_x": (0.05, "spin", ""),
+    "spin_y": (0.05, "spin", ""),
+    "speed_m_s": (0.1, "speed", " m/s"),
+}
+
+
+def refuse_restarted_impacts(layout: Layout, columns: Mapping[str, Any], rows: NDArray[np.int64]) -> None:
+    """Refuse an impact_id that stands at two angles, spins or speeds of one table.
+
+    Parameters
+    ----------
+    layout : Layout
+    columns : mapping of str to array_like
+        Rows of the common schema.
+    rows : ndarray of int
+        In which row of the table each of them stands.
+
+    Raises
+    ------
+    DataError
+        Names both lines and the remedy.
+    """
+    if not layout.has("impact_id"):
+        return
+    ids = np.asarray(columns["impact_id"], dtype=object)
+    given = np.flatnonzero(ids != "")
+    _, first, impact = np.unique(ids[given].astype(str), return_index=True, return_inverse=True)
+    start = given[first[impact]]
+    cells = layout.cells
+    free = " or remove the column" if not layout.has("observable") else ""
+    for name, (tolerance, noun, unit) in _SETTINGS.items():
+        value = np.asarray(columns[name], dtype=float)
+        most = tolerance * (np.abs(value[start]) if name == "speed_m_s" else 1.0)
+        differs = np.abs(value[given] - value[start]) > most  # what is not given differs from nothing
+        for place, other in zip(given[differs], start[differs], strict=True):
+            raise DataError(
+                f"{cells.at(rows[place], layout.header('impact_id'))}: "
+                f"impact {show(str(ids[place]))} has the {noun} {value[place]:g}{unit} here and "
+                f"{value[other]:g}{unit} in {cells.word} {cells.lines[rows[other]]}. "
+                f"Number the impacts through the whole table{free}.",
+            )

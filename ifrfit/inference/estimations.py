@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.diagnostics.optimum_facts import noise_converged
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
 from ifrfit.inference.diagnostics.wider_problems import sharing
-from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior import (
     TOLERANCE,
     ExactPosterior,
     ImportancePosterior,
-    QuadraturePosterior,
     exact_posterior,
     log_evidence,
 )
@@ -38,7 +36,6 @@ def least_squares_estimation(optimum: LeastSquaresFit) -> Estimation:
 def exact_estimation(
     problem: Problem,
     optimum: LeastSquaresFit,
-    tolerance: float | None = None,
     *,
     integrator: str = "automatic",
     seed: int = 0,
@@ -49,13 +46,10 @@ def exact_estimation(
     ----------
     problem : Problem
     optimum : LeastSquaresFit
-    tolerance : float, optional
-        Of the quadrature.
     integrator, seed
         As `ifrfit.inference.posterior.exact_posterior`.
     """
-    if tolerance is None:
-        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
+    tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
     posterior = exact_posterior(problem, tolerance, optimum, integrator=integrator, seed=seed)
 
     def of_other(other: Problem) -> float:
@@ -75,60 +69,41 @@ def posterior_estimation(
     evidence_of: Callable[[Problem], float] | None,
 ) -> Estimation:
     """An integrated posterior; other questions about sharing are put to `evidence_of`, if there is one."""
-    of_noise = noise_converged(optimum)
-    if isinstance(posterior, ImportancePosterior):
-        diagnostics = {"converged": _by_sampling(posterior, of_noise)}
-    else:
-        diagnostics = {"converged": _by_grid(posterior, of_noise)}
+    diagnostics = {"converged": _integrated(posterior, noise_converged(optimum))}
+    # no odds rest on an evidence of importance sampling that did not converge
+    is_doubtful = isinstance(posterior, ImportancePosterior) and not posterior.converged
     shared = None
-    if evidence_of is not None and not _is_doubtful(posterior):
+    if evidence_of is not None and not is_doubtful:
         shared = sharing(problem, posterior.log_evidence, evidence_of)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
 
 
-def _is_doubtful(posterior: ExactPosterior) -> bool:
-    """Whether the evidence is one of importance sampling that did not converge: no odds rest on it."""
-    return isinstance(posterior, ImportancePosterior) and not posterior.converged
-
-
-def _by_grid(posterior: QuadraturePosterior | Mixture, noise_converged: Fact) -> Fact:
-    """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
-    figures = {
+def _integrated(posterior: ExactPosterior, of_noise: Fact) -> Fact:
+    """Whether an integral reached its tolerance, and the noise of the least squares behind it settled."""
+    figures: dict[str, Any] = {
         "error": posterior.error,
         "error_evidence": posterior.error_evidence,
         "tolerance": posterior.tolerance,
-    } | dict(noise_converged.figures)
-    reached = f"{posterior.error:.0e} of a standard deviation"
-    if posterior.converged and noise_converged.ok:
-        says = f"quadrature converged: no result moves by more than {posterior.tolerance:g} of its sd"
-    elif not posterior.converged:
-        says = f"the quadrature reached {reached} only, for {posterior.tolerance:.0e} wanted"
+    }
+    if isinstance(posterior, ImportancePosterior):
+        figures |= {
+            "integrator": "importance sampling",
+            "effective_draws": posterior.n_draws,
+            "largest_weight": posterior.largest_weight,
+        }
+        reached = f"standard errors of up to {100.0 * posterior.error:.2g} % of an sd"
+        reached = f"{reached}, {posterior.n_draws:,.0f} effective draws"
+        well = f"posterior by importance sampling: {reached}"
+        failed = f"importance sampling did not converge: {reached}; --method mcmc may go on from there"
     else:
-        says = noise_converged.says
-    return Fact(posterior.converged and noise_converged.ok, says, figures, FACTS["converged"])
-
-
-def _by_sampling(posterior: ImportancePosterior, noise_converged: Fact) -> Fact:
-    """Whether standard errors are small and to be believed, and the noise of the least squares settled."""
-    figures = {
-        "error": posterior.error,
-        "error_evidence": posterior.error_evidence,
-        "tolerance": posterior.tolerance,
-        "integrator": "importance sampling",
-        "effective_draws": posterior.n_draws,
-        "largest_weight": posterior.largest_weight,
-    } | dict(noise_converged.figures)
-    reached = f"standard errors of up to {100.0 * posterior.error:.2g} % of an sd"
-    drawn = f"{posterior.n_draws:,.0f} effective draws"
-    if posterior.converged and noise_converged.ok:
-        says = f"posterior by importance sampling: {reached}, {drawn}"
-    elif not posterior.converged:
-        says = f"importance sampling did not converge: {reached}, {drawn}; --method mcmc may go on from there"
-    else:
-        says = noise_converged.says
-    return Fact(posterior.converged and noise_converged.ok, says, figures, SAMPLED)
+        well = f"quadrature converged: no result moves by more than {posterior.tolerance:g} of its sd"
+        reached = f"{posterior.error:.0e} of a standard deviation"
+        failed = f"the quadrature reached {reached} only, for {posterior.tolerance:.0e} wanted"
+    rule = SAMPLED if isinstance(posterior, ImportancePosterior) else FACTS["converged"]
+    says = failed if not posterior.converged else well if of_noise.ok else of_noise.says
+    return Fact(posterior.converged and of_noise.ok, says, figures | dict(of_noise.figures), rule)
 
 
 def sample_estimation(sample: Sample, optimum: LeastSquaresFit) -> Estimation:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypedDict, Unpack, ru
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import check_request, make_request
-from ifrfit.inference.option_fields import Option, Options, build, merged, option, options_of
+from ifrfit.inference.option_fields import Option, Options, build, option, options_of
 from ifrfit.registry import Registry
 
 if TYPE_CHECKING:
@@ -464,8 +464,11 @@ def label_of(method: str) -> str:
 
 
 def method_options() -> dict[str, Option]:
-    """Options of all methods by keyword."""
-    return merged((*(type(each) for each in ESTIMATORS.values()), Automatic))
+    """Options of all methods by keyword; one that several of them have stands once."""
+    found: dict[str, Option] = {}
+    for owner in (*(type(each) for each in ESTIMATORS.values()), Automatic):
+        found |= {key: each for key, each in options_of(owner).items() if key not in found}
+    return found
 
 
 def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:

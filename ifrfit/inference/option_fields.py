@@ -7,7 +7,7 @@ heavy, because ``ifrfit fit --help`` needs it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal, TypeVar
 
@@ -147,15 +147,6 @@ def build(owner: type[T], values: Mapping[str, Any]) -> T:
         elif _NESTED in each.metadata and given(each.metadata[_NESTED], said):
             made[each.name] = build(each.metadata[_NESTED], said)
     return owner(**made)
-
-
-def merged(owners: Iterable[type]) -> dict[str, Option]:
-    """Options of several classes by keyword; one that several of them have stands once."""
-    found: dict[str, Option] = {}
-    for owner in owners:
-        for keyword, each in options_of(owner).items():
-            found.setdefault(keyword, each)
-    return found
 
 
 def _default(each: Any) -> Any:

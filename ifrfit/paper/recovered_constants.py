@@ -10,8 +10,7 @@ from functools import cached_property
 from scipy.special import bdtr
 
 from ifrfit.data import Observations
-from ifrfit.data.catalogue import load_dataset, printed_constants
-from ifrfit.data.locations import entry
+from ifrfit.data.catalogue import entry, load_dataset, printed_constants
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.fit import fit
 from ifrfit.inference.result.fit_result import FitResult

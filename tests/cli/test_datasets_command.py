@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.data.locations import dataset_names
+from ifrfit.data.catalogue import dataset_names
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from ifrfit.cli.progress import working
+from ifrfit.cli.output import working
 
 
 def test_nobody_is_told_where_nobody_looks(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,8 +17,7 @@ import pytest
 
 from ifrfit import fit
 from ifrfit.data import catalogue
-from ifrfit.data import locations as finding
-from ifrfit.data.description import listing_lines
+from ifrfit.data.description import describe, listing_lines
 from ifrfit.data.schema import SCHEMA
 from ifrfit.errors import DataError, UsageError
 
@@ -247,7 +246,7 @@ def test_listing():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_describe_tells_what_there_is(name):
-    lines, data = catalogue.describe(name), catalogue.load_dataset(name)
+    lines, data = describe(name), catalogue.load_dataset(name)
     assert max(map(len, lines)) <= 88
     text = " ".join(" ".join(lines).split())
     (source,) = data.sources
@@ -262,7 +261,7 @@ def test_describe_tells_what_there_is(name):
 
 
 def test_describe_gives_constants_and_reasons():
-    lines = catalogue.describe("cross-2019")
+    lines = describe("cross-2019")
     assert "printed       no spin: e_n = 0.94, e_t = -0.98, mu = 0.12" in lines
     assert "              spin 0.225: e_n = 0.94, e_t = -0.98, mu = 0.14" in lines
     assert "rows          no spin: 17 beta, 17 psi_after_deg, 17 mu_app" in lines
@@ -270,11 +269,11 @@ def test_describe_gives_constants_and_reasons():
     text = " ".join(" ".join(lines).split())
     assert "default beta of no spin. The paper prints mu = 0.12 for the balls without spin" in text
     assert "ifrfit datasets install cross-2019 FILE puts your own digitisation in its place" in text
-    assert "faces         kratos, mfix: the same impacts" in "\n".join(catalogue.describe("kharaz-2001"))
+    assert "faces         kratos, mfix: the same impacts" in "\n".join(describe("kharaz-2001"))
 
 
 def test_describe_states_the_place_of_all_conditions_once():
-    text = "\n".join(catalogue.describe("kharaz-2001"))
+    text = "\n".join(describe("kharaz-2001"))
     assert "speed (m/s)   3.9\n" in text
     assert text.count("as restated with the readings") == 1
     assert "stated in     Kharaz, Gorham & Salman (2001), as restated with the readings\n" in text
@@ -300,7 +299,7 @@ def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
     "name", ["cros-2019", "../datasets/cross-2019", "", ".", "..", "cross-2019/", "/etc"]
 )
 def test_unknown_names_are_refused(name):
-    for call in (catalogue.load_dataset, catalogue.describe, catalogue.remove, catalogue.printed_constants):
+    for call in (catalogue.load_dataset, describe, catalogue.remove, catalogue.printed_constants):
         with pytest.raises(UsageError, match=re.escape(f"There is no dataset '{name}'.")):
             call(name)
 
@@ -361,7 +360,7 @@ def test_changed_data_are_refused(damaged):
 
 def test_changed_bundled_data_are_refused(tmp_path, monkeypatch, damaged):
     (damaged / "data.csv").write_text(MINE, encoding="utf-8")
-    monkeypatch.setattr(finding, "bundled_root", lambda: tmp_path)
+    monkeypatch.setattr(catalogue, "bundled_root", lambda: tmp_path)
     with pytest.raises(DataError, match="Install ifrfit again"):
         catalogue.load_dataset("wang-2020")
 
@@ -407,7 +406,7 @@ def test_a_folder_without_package_and_bad_json_are_refused(damaged):
 
 
 def test_missing_datasets_are_reported(monkeypatch, tmp_path):
-    monkeypatch.setattr(finding, "files", lambda package: tmp_path / "ifrfit")
+    monkeypatch.setattr(catalogue, "files", lambda package: tmp_path / "ifrfit")
     with pytest.raises(DataError, match="The bundled datasets are missing"):
         catalogue.dataset_names()
 
@@ -415,7 +414,7 @@ def test_missing_datasets_are_reported(monkeypatch, tmp_path):
 def test_the_wheel_s_folder_comes_first(monkeypatch, tmp_path):
     inside = tmp_path / "ifrfit" / "_datasets"
     shutil.copytree(ROOT / "datasets" / "wang-2020", inside / "wang-2020")
-    monkeypatch.setattr(finding, "files", lambda package: tmp_path / "ifrfit")
+    monkeypatch.setattr(catalogue, "files", lambda package: tmp_path / "ifrfit")
     assert catalogue.dataset_names() == ("wang-2020",)
 
 
@@ -444,7 +443,7 @@ def test_install_replaces_and_remove_restores(points, own_folder):
         "digitised",
         own_folder / "cross-2019",
     )
-    assert "provenance    digitised (installed by you)" in catalogue.describe("cross-2019")
+    assert "provenance    digitised (installed by you)" in describe("cross-2019")
     catalogue.remove("cross-2019")
     assert catalogue.load_dataset("cross-2019").table.equals(before.table)
     assert list(own_folder.iterdir()) == []
@@ -592,4 +591,4 @@ def test_numbers_survive_installation_to_the_last_digit(tmp_path):
 
 def test_without_the_variable_the_users_data_folder_is_used(monkeypatch):
     monkeypatch.delenv("IFRFIT_DATA_DIR")
-    assert finding.user_root().parts[-2:] == ("ifrfit", "datasets")
+    assert catalogue.user_root().parts[-2:] == ("ifrfit", "datasets")

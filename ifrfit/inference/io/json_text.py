@@ -33,13 +33,8 @@ def dumps(content: dict[str, Any]) -> str:
 
 def write_json(content: dict[str, Any], path: Path) -> None:
     """Write a JSON file, or replace it; it appears whole or not at all. Its folder must be there."""
-    write_whole(dumps(content), path)
-
-
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file that appears whole or not at all."""
     with replaced(path) as fresh:
-        fresh.write_text(text, encoding="utf-8", newline="\n")
+        fresh.write_text(dumps(content), encoding="utf-8", newline="\n")
 
 
 @contextmanager

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.latent_quadrature import At
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
+from ifrfit.inference.model.row_likelihood import At, RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
 

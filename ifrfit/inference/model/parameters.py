@@ -423,8 +423,7 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
         raise UsageError(f"--bounds {name}: the lower end {lower:g} must lie below the upper end {upper:g}.")
     if abs(lower) > _LARGEST or (abs(upper) > _LARGEST and not (name == "mu" and math.isinf(upper))):
         raise UsageError(f"--bounds {name}: both ends must be finite and at most {_LARGEST:g} in size.")
-    physical = {"e_n": (0.0, math.inf), "mu": (0.0, math.inf)}.get(name)
-    if physical and lower < physical[0]:
+    if name in ("e_n", "mu") and lower < 0.0:
         raise UsageError(f"--bounds {name}: {name} cannot be negative, so the lower end must be 0 or more.")
 
 

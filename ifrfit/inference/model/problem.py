@@ -78,11 +78,9 @@ class Problem:
 
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
         """(e_n, closure constant, mu) of each row at theta, (..., p); (..., n) each."""
-        places, series = self.parameters.positions, self.rows.series
-        c = np.zeros((*theta.shape[:-1], series.size))
-        if self.closure.constant:
-            c = theta[..., places[self.closure.constant][series]]
-        return theta[..., places["e_n"][series]], c, theta[..., places["mu"][series]]
+        shape = (*theta.shape[:-1], len(self.rows))
+        e_n, c, mu = (np.broadcast_to(column, shape) for column in self._columns(theta))
+        return e_n, c, mu
 
     def predict(self, theta: Array) -> Array:
         """Value of each row without noise.
@@ -97,8 +95,7 @@ class Problem:
         ndarray, (..., n)
         """
         e_n, c, mu = self._columns(theta)
-        law = self.closure.law(self.inertia_factor)
-        k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
+        k, _ = self.impulse(e_n, c, mu)
         return self.values_with(k, e_n, mu)
 
     def residual(self, theta: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ifrfit.data.double_counting import impact_numbers
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import OBSERVABLES
@@ -125,12 +126,11 @@ class Rows:
 
     def of_kind(self, *kinds: str) -> Bool:
         """Which rows have an observable of one of these kinds, (n,)."""
-        return self._mask(("kind", *kinds), [o.kind in kinds for o in self.observables])
+        return self._mask([o.kind in kinds for o in self.observables])
 
     def of_scale(self, scale: str) -> Bool:
         """Which rows have a tangential observable of this scale, (n,)."""
-        of_scale = [o.kind == "tangential" and o.scale == scale for o in self.observables]
-        return self._mask(("scale", scale), of_scale)
+        return self._mask([o.kind == "tangential" and o.scale == scale for o in self.observables])
 
     @property
     def kinds(self) -> NDArray[np.str_]:
@@ -145,24 +145,16 @@ class Rows:
     @property
     def has_angle(self) -> Bool:
         """Which rows have an observable that the angle of incidence enters, (n,)."""
-        return self._mask(("angle",), [o.has_angle for o in self.observables])
+        return self._mask([o.has_angle for o in self.observables])
 
     @property
     def lowest_e_n(self) -> float:
         """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
         return LOWEST if any(o.scale == "rebound" for o in self.observables) else 0.0
 
-    def _mask(self, key: tuple[str, ...], of_observable: Sequence[bool]) -> Bool:
-        """Rows of some observables, read-only; worked out once, asked for some dozen times a fit."""
-        if key not in self._masks:
-            mask = np.array(of_observable, dtype=bool)[self.which]
-            mask.flags.writeable = False
-            self._masks[key] = mask
-        return self._masks[key]
-
-    @cached_property
-    def _masks(self) -> dict[tuple[str, ...], Bool]:
-        return {}
+    def _mask(self, of_observable: Sequence[bool]) -> Bool:
+        """Rows of some observables."""
+        return np.array(of_observable, dtype=bool)[self.which]
 
     @cached_property
     def impacts(self) -> Index:
@@ -223,10 +215,8 @@ def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
 
 def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
-    source, _ = pd.factorize(table["source"], use_na_sentinel=False)
-    impact, labels = pd.factorize(table["impact_id"], use_na_sentinel=False)
-    number = source * len(labels) + impact
-    alone = (table["impact_id"] == "").to_numpy(dtype=bool)
+    number = impact_numbers(table)
+    alone = number < 0
     number[alone] = -1 - np.flatnonzero(alone)
     codes, _ = pd.factorize(number)
     return np.asarray(codes, dtype=np.intp)

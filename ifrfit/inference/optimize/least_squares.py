@@ -14,10 +14,9 @@ import numpy as np
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
-from ifrfit.inference.model.latent_quadrature import slopes
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
+from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, slopes
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.angle_offset import (
     AngleOffset,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.latent_quadrature import At
-from ifrfit.inference.model.row_likelihood import RowLaw
+from ifrfit.inference.model.row_likelihood import At, RowLaw
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,8 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_entry
 from ifrfit.physics.angles import Incidence
 from ifrfit.text import joined
+
+Moved = Callable[[Array], str]  # from changes of the values to the constant that moves most, in words
 
 _SPIN_ZERO = 0.02  # R omega_y/u before impact by which spins may be off, as an example
 _LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
@@ -49,15 +51,19 @@ def assumed_of(
         Estimates: constants by name, kappa by series.
     noise : NoiseSummary
     """
-    offset = _offset_words(problem, fit, constants, kappas)
-    plane = _plane_words(problem, fit, constants, kappas)
+
+    def moved(change: Array) -> str:
+        return _largest_move(moved_by(problem, fit, change), constants, kappas)
+
+    offset = _offset_words(problem, fit, moved)
+    plane = _plane_words(problem, fit, moved)
     words = _OF_NOISE[noise.policy]
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
     at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
     elsewhere = _restitution_words(problem)
-    zero = _spin_zero_words(problem, fit, constants, kappas)
+    zero = _spin_zero_words(problem, fit, moved)
     every = (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset, zero)
     return tuple(said for said in every if said)
 
@@ -81,20 +87,16 @@ def _of_repeats(problem: Problem) -> str:
     return ", also those of repeats at one angle" if oblique.size >= 2 * settings > 0 else ""
 
 
-def _offset_words(
-    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
-) -> str:
+def _offset_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     """How far an offset of the set angles would move the constant that it moves most, in its sd."""
     model = problem.error_model
     if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
         return ""
-    moved = _largest_move(moved_by_offset(problem, fit), constants, kappas)
-    return f"angles of incidence without an offset (1 degree would move {moved})" if moved else ""
+    most = moved(slope_by_offset(problem, fit.optimum.theta))
+    return f"angles of incidence without an offset (1 degree would move {most})" if most else ""
 
 
-def _plane_words(
-    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
-) -> str:
+def _plane_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     """That the one component of spin that is given is all there is, and what another would move."""
     sources = [s for s in problem.observations.sources if s.descriptor is None and s.rows_used > 0]
     planar = [s.name for s in sources if "spin" in s.headers and "lateral_spin" not in s.headers]
@@ -105,27 +107,25 @@ def _plane_words(
     said = f"motion in one plane, no lateral spin before impact{where}"
     if not problem.error_model.is_plain:
         return said
-    moved = _largest_move(_moved_by_spin(problem, fit, (_LATERAL, 0.0)), constants, kappas)
-    return f"{said} (R omega_x/u of {_LATERAL:g} would move {moved})" if moved else said
+    most = moved(_by_spin(problem, fit.optimum.theta, (_LATERAL, 0.0)))
+    return f"{said} (R omega_x/u of {_LATERAL:g} would move {most})" if most else said
 
 
-def _spin_zero_words(
-    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
-) -> str:
+def _spin_zero_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     """How far a zero of the given spins that is off would move the constant that it moves most, in its sd."""
     if not (problem.rows.incidence.spin_y.any() and problem.has_oblique and problem.error_model.is_plain):
         return ""
-    moved = _largest_move(_moved_by_spin(problem, fit, (0.0, _SPIN_ZERO)), constants, kappas)
+    most = moved(_by_spin(problem, fit.optimum.theta, (0.0, _SPIN_ZERO)))
     said = "spins before impact without an offset"
-    return f"{said} (R omega_y/u of {_SPIN_ZERO:g} would move {moved})" if moved else said
+    return f"{said} (R omega_y/u of {_SPIN_ZERO:g} would move {most})" if most else said
 
 
-def _moved_by_spin(problem: Problem, fit: LeastSquaresFit, more: tuple[float, float]) -> dict[str, float]:
-    """By how much the optimum moves where every impact has more spin, (x, y), to first order."""
-    theta, rows, i = fit.optimum.theta, problem.rows, problem.rows.incidence
+def _by_spin(problem: Problem, theta: Array, more: tuple[float, float]) -> Array:
+    """By how much every row's value is larger, (n,), where every impact has more spin, (x, y)."""
+    rows, i = problem.rows, problem.rows.incidence
     spinning = Incidence.of(rows.gamma_deg, i.spin_x + more[0], i.spin_y + more[1], degrees=True)
     other = replace(problem, rows=replace(rows, incidence=spinning, tau=spinning.tau))
-    return _moved_by(problem, fit, other.predict(theta) - problem.predict(theta))
+    return other.predict(theta) - problem.predict(theta)
 
 
 def _largest_move(moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]) -> str:
@@ -146,19 +146,14 @@ def _share(moves: Mapping[str, float], found: Mapping[str, Estimate]) -> dict[st
     return {name: abs(moves[name]) / sd for name, sd in known.items() if sd}
 
 
-def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:
-    """By how much the optimum moves where all angles are taken a degree larger, to first order.
+def moved_by(problem: Problem, fit: LeastSquaresFit, change: Array) -> dict[str, float]:
+    """By how much the optimum moves where every row's value is larger by a change, (n,), to first order.
 
     Returns
     -------
     dict
         By the names of theta, and kappa by that of its place in the expansion.
     """
-    return _moved_by(problem, fit, slope_by_offset(problem, fit.optimum.theta))
-
-
-def _moved_by(problem: Problem, fit: LeastSquaresFit, change: Array) -> dict[str, float]:
-    """By how much the optimum moves where every row's value is predicted larger by a change, (n,)."""
     theta = fit.optimum.theta
     moved, _ = first_order_move(problem, fit.sigma, theta, change)
     names, _, to_theta = kappa_coordinates(problem, theta)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,6 +11,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from ifrfit._version import __version__
 from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
@@ -33,13 +36,13 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
+from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.fit_statistics import statistics_of
 from ifrfit.inference.result.state import state_of
 from ifrfit.inference.result.types import (
     Angles,
@@ -56,6 +59,7 @@ from ifrfit.inference.summary.gaussian import truncated_gaussian
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 DRAWS = 2000  # kept in the result, for predictions
 _CHECKED = 300  # draws behind the posterior predictive checks
@@ -381,3 +385,38 @@ def _versions() -> dict[str, str]:
         "scipy": scipy.__version__,
         "pandas": pandas.__version__,
     }
+
+
+def statistics_of(
+    problem: Problem, found: LeastSquaresFit, residuals: Residuals, sticks: NDArray[np.bool_]
+) -> FitStatistics:
+    """Count rows and sum up the misfit; the most likely noise goes into the likelihood."""
+    r = residuals.raw
+    n = r.size
+    dof = n - round(float(found.gaussian.leverage.sum()))
+    yardstick = problem.noise.sigma if problem.noise.is_scaled else found.sigma
+    chi2 = float(((r / yardstick) ** 2).sum())
+    is_chi2 = problem.noise.is_known and problem.error_model.is_plain
+    prior = problem.parameters.prior_residuals(found.optimum.theta)
+    offset = found.angle_offset
+    likely = likely_sigma(problem, found.optimum.theta)
+    log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
+    if not problem.error_model.is_plain:
+        log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
+    k = found.gaussian.rank + len(problem.noise_groups()) + (offset is not None and offset.is_determined)
+    regime = problem.rows.is_oblique
+    return FitStatistics(
+        n=n,
+        n_sliding=int((regime & ~sticks).sum()),
+        n_sticking=int((regime & sticks).sum()),
+        rank=found.gaussian.rank,
+        prior_chi2=float(prior @ prior) + (0.0 if offset is None else offset.pull**2),
+        chi2=chi2,
+        dof=dof,
+        reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.has_unknown else None,
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 and is_chi2 else None,
+        rmse=float(np.sqrt((r * r).mean())),
+        log_likelihood=log_l,
+        aic=2.0 * k - 2.0 * log_l,
+        bic=k * math.log(n) - 2.0 * log_l,
+    )

@@ -34,6 +34,7 @@ BY_SHARE = (
     "two kinds",
     "errors of the angles, noise 0.003",  # 19 of 20
     "errors of the angles, noise 0.03",  # 9 to 16 of 20
+    "noise that grows from 0 to 90 deg",
 )
 MIDDLE = [
     pytest.param(name, *cases[1 if cause.startswith(("angle-offset", "sign-")) else 2][:2], id=f"{i}-{cause}")

@@ -10,9 +10,10 @@ from factories import impacts_file
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
+from ifrfit.inference.optimize.angle_offset import slope_by_offset
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import AngleErrors, Noise
-from ifrfit.inference.result.assumptions import moved_by_offset
+from ifrfit.inference.result.assumptions import moved_by
 from ifrfit.report.page import page
 
 SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90, 8), [
@@ -97,7 +98,8 @@ def test_what_an_offset_would_move_is_what_it_moves(tmp_path, degrees):
         tmp_path / "t.csv", {"gamma": np.linspace(8.0, 75.0, 60), "noise": 0.005, "sigma": 0.005}
     )
     fit = ifrfit.fit(path, method="lsq", fix=FIX)
-    moved = moved_by_offset(fit.problem, fit.least_squares)
+    slope = slope_by_offset(fit.problem, fit.least_squares.optimum.theta)
+    moved = moved_by(fit.problem, fit.least_squares, slope)
     turned = least_squares(fit.problem.at_offset(degrees)).optimum.theta - fit.least_squares.optimum.theta
     for name, found in zip(fit.problem.parameters.names, turned, strict=True):
         assert found == pytest.approx(degrees * moved[name], rel=0.05, abs=1e-9)
