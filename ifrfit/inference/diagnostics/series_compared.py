@@ -12,9 +12,8 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.effective_dof import group_dof, satterthwaite
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof, refit, satterthwaite
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact

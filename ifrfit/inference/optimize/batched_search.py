@@ -448,7 +448,8 @@ class _Model:
             margin, slopes = search.margins(theta, x)
         else:
             margin, slopes = np.zeros((len(theta), 0)), np.zeros((len(theta), 0, q))
-        return cls(vectors, values, along, unit, margin, slopes, (is_low | is_high).any(axis=1))
+        is_on_bound = np.asarray((is_low | is_high).any(axis=1))
+        return cls(vectors, values, along, unit, margin, slopes, is_on_bound)
 
     def take(self, which: Bool | Index) -> _Model:
         """Some of them."""
