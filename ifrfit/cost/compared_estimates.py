@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.effective_dof import dof_of_functional
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional
 from ifrfit.inference.profile.types import ProfileLikelihood
 
 Array = NDArray[np.float64]

@@ -245,8 +245,7 @@ class Profile(PlainErrors):
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Profile every quantity."""
         from ifrfit.inference.diagnostics.optimum_facts import noise_converged
-        from ifrfit.inference.profile.convergence_fact import profile_converged
-        from ifrfit.inference.profile.profile_all import profile_all
+        from ifrfit.inference.profile.profile_all import profile_all, profile_converged
         from ifrfit.inference.result.estimation import Estimation
 
         profiles = profile_all(problem, optimum)

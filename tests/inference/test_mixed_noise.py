@@ -21,8 +21,7 @@ from ifrfit.inference.bootstrap.schemes import draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.residuals import outliers, residuals_of
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.effective_dof import dof_of_functional, satterthwaite
-from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.least_squares import dof_of_functional, least_squares, satterthwaite
 from ifrfit.inference.optimize.noise_modes import noise_modes, phi
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound

@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.effort import Effort
-from ifrfit.inference.accuracy.request import Request
+from ifrfit.inference.accuracy.request import Effort, Request
 from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.estimations import least_squares_estimation, posterior_estimation, sample_estimation
 from ifrfit.inference.model.problem import Problem

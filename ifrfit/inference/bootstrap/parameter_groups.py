@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import BatchOptima, minimise, minimise_batch
 from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.group_optimum import center_free_e_n
 from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, is_separable, without_normal_rows
 from ifrfit.inference.optimize.piecewise import PiecewiseBatch, PiecewiseProblem
+from ifrfit.inference.optimize.solve import center_free_e_n
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -11,8 +11,7 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.effective_dof import dof_of_functional
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.summary.gaussian import local_quantities

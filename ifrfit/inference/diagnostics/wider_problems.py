@@ -18,9 +18,8 @@ from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
-from ifrfit.inference.optimize.effective_dof import group_dof, satterthwaite
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof, refit, satterthwaite
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus

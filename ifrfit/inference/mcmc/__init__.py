@@ -4,9 +4,9 @@ Importing this package imports emcee.
 """
 
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence as Evidence
-from ifrfit.inference.mcmc.chains import Chains as Chains
 from ifrfit.inference.mcmc.coordinates import Coordinates as Coordinates
 from ifrfit.inference.mcmc.run import MAX_STEPS as MAX_STEPS
+from ifrfit.inference.mcmc.run import Chains as Chains
 from ifrfit.inference.mcmc.run import begin as begin
 from ifrfit.inference.mcmc.run import run as run
 from ifrfit.inference.mcmc.sample import Sample as Sample

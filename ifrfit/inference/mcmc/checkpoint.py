@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.io.json_text import replaced
-from ifrfit.inference.mcmc.chains import Chains, Rest
+from ifrfit.inference.mcmc.run import Chains, Rest
 from ifrfit.inference.model.digest import digest
 from ifrfit.inference.model.problem import Problem
 

@@ -36,6 +36,7 @@ _DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
 _STEEPEST = 1e100  # slope, whose square is a number still: that of angles has no end where e_n is 0
 _LOOSE = 1e-11  # eigenvalue, relative, of a direction that the data do not see: it stays where it is
 _CONVEX = 0.05  # least eigenvalue with which the logarithm's part of the Hessian is kept
+_CANCELLED = 1e-12  # share of two derivatives that their sum keeps of rounding alone
 _ROOM = 1e-12  # from a bound, relative to the range, within which a constant lies on it
 _FAR = 1e9  # where a constant without an upper bound ends
 _ON_KINK = 1e-3  # distance from a kink, in standard deviations
@@ -245,7 +246,10 @@ class BatchedSearch:
             converged[active[on_kink & (damping[active] > 1.0)]] = True
             change = np.array([0.125, *_DAMPED, *(1.0,) * 4])[index]
             damping[active] = np.where(stuck, 512.0, change) * np.maximum(damping[active], _DAMPING[0])
-            active = active[~converged[active] & (damping[active] < _DAMPING[2])]
+            left = damping[active] < _DAMPING[2]
+            # where a kink meets a bound the model of one side may point beyond the bound; no step leads down
+            converged[active[~left & model.is_on_kink & model.is_on_bound]] = True
+            active = active[~converged[active] & left]
         return Found(theta, value, converged)
 
     def _move(
@@ -323,8 +327,10 @@ class BatchedSearch:
         """Derivatives by all of theta, (m, ..., p), as those by what is free, with the mu that follows."""
         if self.mu is not None:
             for place, slope in self.mu.slopes(theta, x):
-                slope = slope.reshape(-1, *(1,) * (columns.ndim - 2))
-                columns[..., place] += columns[..., self.mu.i_mu] * slope
+                through = columns[..., self.mu.i_mu] * slope.reshape(-1, *(1,) * (columns.ndim - 2))
+                total = columns[..., place] + through
+                # of what cancels, as all that e_n does at a given kappa, rounding must not be left
+                columns[..., place] = np.where(np.abs(total) <= _CANCELLED * np.abs(through), 0.0, total)
         return np.asarray(columns[..., self.free])
 
     @cached_property
@@ -405,6 +411,8 @@ class _Model:
         Of each free constant; 0 where a bound stops it.
     margin, slopes : ndarray, (m, kinks), (m, kinks, q)
         Of the kinks, by the free constants; nothing where there are none.
+    is_on_bound : ndarray of bool, (m,)
+        Whether some free constant lies on a bound.
     """
 
     vectors: Array
@@ -413,6 +421,7 @@ class _Model:
     unit: Array
     margin: Array
     slopes: Array
+    is_on_bound: Bool
 
     @classmethod
     def of(cls, search: BatchedSearch, theta: Array, z: Array, dof: Array, x: Array) -> _Model:
@@ -421,7 +430,8 @@ class _Model:
         lower, upper = (end[:, search.free] for end in search.bounds(x))
         here = theta[:, search.free]
         room = _ROOM * np.minimum(upper - lower, 1.0)
-        stopped = ((here <= lower + room) & (gradient > 0.0)) | ((here >= upper - room) & (gradient < 0.0))
+        is_low, is_high = here <= lower + room, here >= upper - room
+        stopped = (is_low & (gradient > 0.0)) | (is_high & (gradient < 0.0))
         q = here.shape[1]
         diagonal = hessian[:, range(q), range(q)]
         unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -438,7 +448,8 @@ class _Model:
             margin, slopes = search.margins(theta, x)
         else:
             margin, slopes = np.zeros((len(theta), 0)), np.zeros((len(theta), 0, q))
-        return cls(vectors, values, along, unit, margin, slopes)
+        is_on_bound = np.asarray((is_low | is_high).any(axis=1))
+        return cls(vectors, values, along, unit, margin, slopes, is_on_bound)
 
     def take(self, which: Bool | Index) -> _Model:
         """Some of them."""

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import GAP, RANK
-from ifrfit.inference.optimize.local_minima import local_minima
 from ifrfit.inference.optimize.piecewise import (
     NEAR,
     Array,
@@ -24,8 +23,7 @@ from ifrfit.inference.optimize.piecewise import (
     PiecewiseProblem,
 )
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
-from ifrfit.inference.optimize.refinement import DOUBT, refine
-from ifrfit.inference.optimize.solved_cells import SolvedCells
+from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, local_minima, refine
 
 Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]

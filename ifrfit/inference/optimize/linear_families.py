@@ -29,32 +29,29 @@ from ifrfit.inference.optimize.parameter_group import Array, Constants, Paramete
 _TINY = 1e-300
 
 
-def linear_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm | None:
-    """Restate the group in the family that takes its rows, at a given kappa if there is one.
-
-    None if it is not linear in any family. A kappa takes the place of a fixed mu, not of a fixed e_n.
-    """
+def linear_form(group: ParameterGroup) -> LinearForm | None:
+    """Restate the group in the family that takes its rows; None if it is not linear in any family."""
     scaled = group.rows.of_scale("impulse"), group.rows.of_scale("rebound")
     friction = bool(group.rows.of_kind("friction").any()) or group.mu.prior is not None
     normal = bool(group.rows.of_kind("normal").any()) or group.e_n.prior is not None
     if group.rows.of_kind("curved").any():
         return None
     if not group.rows.of_kind("tangential").any():
-        return None if kappa is not None else _direct_family(group)
+        return _direct_family(group)
     if group.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
-        return kappa_form(group, kappa)
+        return kappa_form(group)
     if normal or (group.c.prior is not None and (scaled[0].any() or scaled[1].any())):
         return None
     if not (scaled[0].any() or scaled[1].any()):
-        return _friction_family(group, kappa)
+        return _friction_family(group)
     if (scaled[0] | group.rows.of_kind("friction")).all():
-        return _impulse_family(group, kappa)
+        return _impulse_family(group)
     if scaled[1].all() and not friction:
-        return _rebound_family(group, kappa)
+        return _rebound_family(group)
     return None
 
 
-def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
+def kappa_form(group: ParameterGroup) -> LinearForm:
     """Restate in e_n, c and kappa: any group without curved rows whose e_n is fixed, and some others."""
     e = group.e_n.fixed
     factor = np.ones(group.rows.tau.size)
@@ -69,9 +66,7 @@ def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
     forms.add_prior(group.e_n, 0)
     forms.add_prior(group.c, 1)
     frame = Frame.of(group.e_n, group.c, None)
-    if kappa is not None:
-        frame.tie(2, kappa, 0.0)
-    elif group.mu.fixed is not None:
+    if group.mu.fixed is not None:
         frame.tie(2, group.mu.fixed, group.mu.fixed)  # kappa = mu + mu e_n
     domain = Domain()
     domain.between(0, group.e_n)
@@ -84,7 +79,7 @@ def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
     return forms.finish(frame, domain, [0.0, group.coefficients.b1, 0.0], group.coefficients.b0, back)
 
 
-def _friction_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
+def _friction_family(group: ParameterGroup) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
     forms = _rows_of_kappa(group, 1.0)
     forms.add_friction(0, 1.0)
@@ -102,12 +97,10 @@ def _friction_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
         return min(max(e_n, group.e_n.lower), group.e_n.upper), full[1], full[0]
 
     frame = Frame.of(group.mu, group.c, None)
-    if kappa is not None:
-        frame.tie(2, kappa, 0.0)
     return forms.finish(frame, domain, [0.0, group.coefficients.b1, 0.0], group.coefficients.b0, back)
 
 
-def _impulse_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
+def _impulse_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
     forms = _rows_of_reciprocal(group)
     forms.add_friction(2, 1.0)
@@ -122,14 +115,12 @@ def _impulse_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
         return 1.0 / full[0] - 1.0, full[1] / full[0], full[2]
 
     frame = Frame.of(None, None, group.mu)
-    if kappa is not None:
-        frame.tie(2, 0.0, kappa)  # mu = kappa w
     if group.c.fixed is not None:
         frame.tie(1, 0.0, group.c.fixed)
     return forms.finish(frame, domain, [group.coefficients.b0, group.coefficients.b1, 0.0], 0.0, back)
 
 
-def _rebound_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
+def _rebound_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
     forms = _rows_of_reciprocal(group)
     domain = Domain()
@@ -144,9 +135,7 @@ def _rebound_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     frame = Frame.of(None, None, None)
     if group.c.fixed is not None:
         frame.tie(1, 0.0, group.c.fixed)
-    if kappa is not None:
-        frame.tie(2, 0.0, kappa)
-    elif group.mu.fixed is not None:
+    if group.mu.fixed is not None:
         frame.tie(2, group.mu.fixed, group.mu.fixed)
     return forms.finish(frame, domain, [group.coefficients.b0, group.coefficients.b1, 0.0], 0.0, back)
 

@@ -59,6 +59,11 @@ class Optimum:
         return len(self.minima)
 
     @property
+    def outlying(self) -> list[Array]:
+        """Constants elsewhere that describe the data nearly as well."""
+        return [theta for _, theta in self.minima[1:]] + list(self.extremes)
+
+    @property
     def certified(self) -> bool:
         """Whether the optimum is proven to be global."""
         if self.gap is None:

@@ -52,34 +52,27 @@ class ProfileCurve:
     Parameters
     ----------
     function : callable
-        Place to rise.
+        Places to rises, (n,) to (n,); several cost little more than one, so they are looked at together.
     lower, upper : float
         Domain; the upper end may be infinite.
     far : float, optional
         Place from which on the profile is level, where the domain has no end.
     resolution : Resolution
         How closely it is looked at.
-    of_many : callable, optional
-        Several places to their rises, where that costs little more than one: then places are looked at
-        together.
-
-    Attributes
-    ----------
-    unconverged : list of float
-        Places at which the function ran out of rounds, for it to note.
+    unconverged : sequence of float
+        Places at which the function ran out of rounds; it notes them as it goes.
     """
 
     def __init__(
         self,
-        function: Callable[[float], float],
+        function: Callable[[Array], Array],
         lower: float,
         upper: float,
         far: float | None = None,
         resolution: Resolution = FINE,
-        of_many: Callable[[Array], Array] | None = None,
+        unconverged: Sequence[float] = (),
     ) -> None:
         self._function = function
-        self._of_many = of_many
         self._pieces: dict[float, tuple[Interval, ...]] = {}
         self._resolution = resolution
         self.lower, self.upper = lower, upper
@@ -88,21 +81,18 @@ class ProfileCurve:
         self._known: dict[float, float] = {}
         self._base = 0.0
         self._endless = False
-        self.unconverged: list[float] = []
+        self._unconverged = unconverged
 
     def __call__(self, x: float) -> float:
         """Rise at a place."""
-        if x not in self._known:
-            self._known[x] = self._function(x)
+        self._look([x])
         return self._known[x] - self._base
 
     def _look(self, places: Iterable[float]) -> None:
-        """Look at several places together, where that is cheaper than one by one as they are needed."""
-        if self._of_many is None:
-            return
-        new = sorted({x for x in places if x not in self._known and self.lower <= x <= self.upper})
+        """Look at several places together."""
+        new = sorted({x for x in places if x not in self._known})
         if new:
-            self._known.update(zip(new, self._of_many(np.array(new)).tolist(), strict=True))
+            self._known.update(zip(new, self._function(np.array(new)).tolist(), strict=True))
 
     @property
     def n_evaluations(self) -> int:
@@ -114,8 +104,9 @@ class ProfileCurve:
         """What a budget cut short, in words; nothing if all came to its end."""
         if self._endless:
             return f"it does not close up to {self._last:.0e}"
-        if self.unconverged:
-            return f"the search has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
+        if self._unconverged:
+            open_ones = f"{len(self._unconverged)} of its {self.n_evaluations} places"
+            return f"the search has not settled at {open_ones}"
         return ""
 
     def best_place(self, value: float) -> float:
@@ -142,16 +133,13 @@ class ProfileCurve:
         """Go out from each optimum until the profile has risen over the limit, then scan the domain."""
         inside = sorted({min(max(x, self.lower), self.upper) for x in optima if math.isfinite(x)})
         self._look(self._places_of(inside, step))
-        for x in inside:
-            self(x)
         self._last = self.upper if math.isfinite(self.upper) else self._finite_end(inside[-1], step, limit)
         self(self.lower), self(self._last)
         for x in inside if self._resolution.between else inside[:1]:
             self._outward(x, -step, limit)
         for x in inside if self._resolution.between else inside[-1:]:
             self._outward(x, step, limit)
-        for x in np.linspace(self.lower, self._last, self._resolution.scan + 2)[1:-1].tolist():
-            self(x)
+        self._look(np.linspace(self.lower, self._last, self._resolution.scan + 2)[1:-1].tolist())
 
     def _places_of(self, inside: Sequence[float], step: float) -> list[float]:
         """Places that an exploration is likely to look at."""
@@ -185,9 +173,7 @@ class ProfileCurve:
                 return
 
     def cross(self, limits: Iterable[float]) -> None:
-        """Find the pieces below several limits together, where places are looked at together."""
-        if self._of_many is None:
-            return
+        """Find the pieces below several limits together."""
         brackets = {limit: self._brackets(limit) for limit in limits}
         every = [(*pair, limit) for limit, found in brackets.items() for pair in found if pair[0] != pair[1]]
         ends = dict(zip(every, self._crossings(every), strict=True))
@@ -197,11 +183,9 @@ class ProfileCurve:
 
     def pieces(self, limit: float) -> tuple[Interval, ...]:
         """Intervals in which the profile stays below the limit, ascending."""
-        if limit in self._pieces:
-            return self._pieces[limit]
-        found = self._brackets(limit)
-        ends = [a if a == b else self._crossing(a, b, limit) for a, b in found]
-        return tuple(zip(ends[::2], ends[1::2], strict=True))
+        if limit not in self._pieces:
+            self.cross([limit])
+        return self._pieces[limit]
 
     def _brackets(self, limit: float) -> list[tuple[float, float]]:
         """A place inside and one outside at each end of each piece below the limit; the same at a bound."""
@@ -213,20 +197,6 @@ class ProfileCurve:
             found.append((self.lower,) * 2 if first == 0 else (float(x[first]), float(x[first - 1])))
             found.append((self.upper,) * 2 if after == x.size else (float(x[after - 1]), float(x[after])))
         return found
-
-    def _crossing(self, inside: float, outside: float, limit: float) -> float:
-        """Where the rise is the limit; its root is nearly straight, which needs few steps."""
-        from scipy.optimize import brentq
-
-        root = math.sqrt(limit)
-
-        def over(x: float) -> float:
-            return math.sqrt(max(self(x), 0.0)) - root
-
-        if over(inside) == 0.0:
-            return inside
-        fine = self._resolution.crossing
-        return float(brentq(over, inside, outside, xtol=fine * abs(outside - inside) + 1e-15, rtol=1e-13))
 
     def _crossings(self, brackets: Sequence[tuple[float, float, float]]) -> list[float]:
         """Where the rise is the limit, between a place inside and one outside, for several of them.
@@ -293,12 +263,8 @@ class ProfileCurve:
             score = score + limit / _FEWEST * (width / (high - low)) * (width > _NARROW * (high - low))
             if score.max() == 0.0:
                 return x, rise
-            most = 1 if self._of_many is None else _SPLIT
-            worst = np.argsort(-score, kind="stable")[:most]
-            places = 0.5 * (x[worst] + x[worst + 1])[score[worst] > 0.0]
-            self._look(places.tolist())
-            for place in places.tolist():
-                self(place)
+            worst = np.argsort(-score, kind="stable")[:_SPLIT]
+            self._look((0.5 * (x[worst] + x[worst + 1])[score[worst] > 0.0]).tolist())
 
 
 def _bends(x: Array, rise: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.optimize.effective_dof import dof_of_functional
+from ifrfit.inference.optimize.least_squares import dof_of_functional
 from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve

@@ -17,7 +17,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.curve import COARSE
 from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
-from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying
+from ifrfit.inference.profile.quantities import Quantity, entry, kappa
 from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import by_constant, marginal_of_normal
 from ifrfit.inference.summary.gaussian import prior_reasons
@@ -54,7 +54,7 @@ def estimates_of_optimum(
     @cache
     def of_kappa(number: int) -> Estimate:
         own = problem.parameters.kappas[number]
-        at = [own.value(theta) for theta in outlying(fit.optimum)]
+        at = [own.value(theta) for theta in fit.optimum.outlying]
         return free(own.name, own.domain, at, kappa(problem, fit, number))
 
     def of_entry(place: int) -> Estimate:
@@ -62,7 +62,7 @@ def estimates_of_optimum(
         if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
             (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
             return through_kappa(problem, constant, of_kappa(number))
-        at = [float(theta[place]) for theta in outlying(fit.optimum)]
+        at = [float(theta[place]) for theta in fit.optimum.outlying]
         return free(problem.parameters.names[place], constant.domain, at, entry(problem, fit, place))
 
     return by_constant(problem, of_entry, of_kappa)

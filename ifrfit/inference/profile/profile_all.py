@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
+from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
@@ -19,7 +20,7 @@ from ifrfit.inference.profile.least_squares_estimates import through_kappa
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import quantities_of, transition_tau
 from ifrfit.inference.profile.types import ProfileLikelihood
-from ifrfit.inference.result.types import Angles, Constants, Estimate
+from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact
 from ifrfit.inference.summary.derived import (
     angle_estimate,
     angle_near,
@@ -182,3 +183,32 @@ def _transition_of(
         return local
     each = [angle_estimate(profile.value, profile.interval68, profile.interval95, kappa) for profile in found]
     return each[0] if len(each) == 1 else each
+
+
+def profile_converged(profiles: Mapping[str, ProfileLikelihood], noise: Fact) -> Fact:
+    """Whether the noise settled, and every profile closes or reaches the end of its domain.
+
+    Parameters
+    ----------
+    profiles : mapping
+        Name to `ProfileLikelihood`, as `profile_all` returns them.
+    noise : Fact
+        "converged" of the least squares behind them.
+
+    Returns
+    -------
+    Fact
+        Its figures are those of `noise`, the number of profiles, and the names of those that a budget
+        stopped.
+    """
+    stopped = {name: profile.stopped for name, profile in profiles.items() if profile.stopped}
+    figures = {**noise.figures, "n_profiles": len(profiles), "stopped": list(stopped)}
+    if not noise.ok:
+        says = noise.says
+    elif stopped:
+        first, why = next(iter(stopped.items()))
+        names = f"profile of {first} was" if len(stopped) == 1 else f"profiles of {', '.join(stopped)} were"
+        says = f"the {names} stopped early ({why}): compare the intervals with --method exact"
+    else:
+        says = f"{noise.says}, and every profile closes or reaches the end of its domain"
+    return Fact(noise.ok and not stopped, says, figures, FACTS["converged"])

@@ -13,16 +13,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.linear_families import linear_form
-from ifrfit.inference.optimize.optimum import Array, Optimum
-from ifrfit.inference.optimize.parameter_group import is_separable, range_of_e_n
-from ifrfit.inference.optimize.solve import whole_group
-from ifrfit.inference.profile.constrained_fit import (
-    best_at_kappa,
-    best_with,
-    separable_e_n,
-)
-from ifrfit.inference.profile.constrained_series import ConstrainedSeries
+from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
@@ -31,8 +22,6 @@ from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
 _PRIOR_TAU = 2.0  # upper end of the default prior of a transition
-
-ConstrainedOptimum = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
 
 @dataclass(frozen=True)
@@ -44,67 +33,21 @@ class Quantity:
     name : str
     of : callable
         theta to its value.
-    constrained : callable or None
-        Best theta with the quantity held at a value; None where `constraint` says it.
+    constraint : Constraint
+        What is left free where it is held at a value.
     domain : Domain
     functional : ndarray
         Its derivative by the coordinates of the local picture.
     far : float or None
         Value from which on the profile is level.
-    constraint : callable
-        Gives the same for a batched search where only a search can find the rest, and takes the place of
-        `constrained` then; else None. It is asked where a profile is traced, as the answer takes some time.
     """
 
     name: str
     of: Callable[[Array], float]
-    constrained: ConstrainedOptimum | None
+    constraint: Constraint
     domain: Domain
     functional: Array
     far: float | None = None
-    constraint: Callable[[], Constraint | None] = lambda: None
-
-
-def _is_uncertified(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
-    """Whether no certified method finds the optimum with an entry of theta fixed."""
-    if problem.rows.has_kind("curved") or (problem.has_oblique and not problem.closure.bilinear):
-        return True
-    if not problem.parameters.differ_by_series:
-        return False
-    if all(c.separate or c.fixed is not None for c in problem.parameters):
-        return False
-    return ConstrainedSeries.of(problem, fit.sigma, {place: float(fit.optimum.theta[place])}) is None
-
-
-def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
-    """Whether no single certified fit finds the optimum with an entry of theta fixed."""
-    return _is_uncertified(problem, fit, place) or _scans_e_n(problem, fit, place) or _iterates_noise(problem)
-
-
-def _iterates_noise(problem: Problem) -> bool:
-    """Whether the noises at their best move the weights, so that one weighted fit is not the optimum.
-
-    One noise for all rows, without priors, leaves the weights alone.
-    """
-    groups = problem.noise_groups()
-    has_known = bool(problem.noise.is_given.any()) or any(c.prior is not None for c in problem.parameters)
-    return len(groups) > 1 or (len(groups) == 1 and has_known)
-
-
-def _scans_e_n(problem: Problem, fit: LeastSquaresFit, place: int | None = None) -> bool:
-    """Whether the optimum of one set of constants takes a certified fit at each of many e_n.
-
-    It does where rows tie a free e_n to the other constants; with an entry of theta fixed, or with kappa.
-    """
-    if problem.parameters.differ_by_series:
-        return False
-    held = {} if place is None else {problem.parameters.names[place]: float(fit.optimum.theta[place])}
-    group = whole_group(problem.with_fixed(held), fit.sigma)
-    if group.e_n.fixed is not None:
-        return False
-    if place is None:
-        return linear_form(group, problem.parameters.kappas[0].value(fit.optimum.theta)) is None
-    return not is_separable(group) and linear_form(group) is None
 
 
 def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
@@ -119,11 +62,10 @@ def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
     return Quantity(
         problem.parameters.names[place],
         lambda theta: float(theta[place]),
-        lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
+        Constraint(place),
         replace(constant.domain, lower=lower),
         fit.gaussian.to_theta[place],
         far,
-        lambda: Constraint(place) if needs_search(problem, fit, place) else None,
     )
 
 
@@ -132,47 +74,25 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
     own = problem.parameters.kappas[series]
     i_e, i_mu, e_n, mu = own.i_e_n, own.i_mu, own.e_n, own.mu
 
-    def constrained(x: float, sigma: Array, near: Array) -> Array:
-        if mu.fixed is not None:
-            e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
-            return best_with(problem, sigma, {i_e: e}, near)
-        best_e_n = separable_e_n(problem, sigma, series)
-        if best_e_n is not None:
-            at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
-            return best_with(problem, sigma, at, near)
-        found = best_at_kappa(problem, sigma, x, range_of_e_n(x, mu), near)
-        if found is None:
-            raise ValueError("no certified method knows this kappa: it takes a search")
-        return found
-
     def of_e_n(x: Array) -> Array:
         of_mu = x / mu.fixed - 1.0 if mu.fixed else np.full(x.size, e_n.lower)
         return np.clip(of_mu, e_n.lower, e_n.upper)
 
-    def constraint() -> Constraint | None:
-        if mu.fixed is not None:
-            return Constraint(i_e, value_at=of_e_n) if needs_search(problem, fit, i_e) else None
-        is_tied = separable_e_n(problem, fit.sigma, series) is None
-        if (
-            _is_uncertified(problem, fit, i_mu)
-            or _iterates_noise(problem)
-            or (is_tied and (any(c.separate for c in problem.parameters) or _scans_e_n(problem, fit)))
-        ):
-            law = problem.closure.law(problem.inertia_factor)
-            return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
-        return None
-
+    if mu.fixed is not None:
+        constraint = Constraint(i_e, value_at=of_e_n)
+    else:
+        law = problem.closure.law(problem.inertia_factor)
+        constraint = Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
     high_e = e_n.ends[1]
     lowest = max(e_n.lower, min(problem.rows.lowest_e_n, e_n.upper))
     far = _level(problem, i_mu)
     return Quantity(
         own.name,
         own.value,
-        constrained,
+        constraint,
         replace(own, e_n=replace(e_n, lower=lowest)).domain,
         kappa_at(problem, fit, series)[1],
         None if far is None else far * (1.0 + high_e),
-        constraint,
     )
 
 
@@ -203,11 +123,10 @@ def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quant
     return Quantity(
         "transition_tau",
         of,
-        None,
+        Constraint(mu=FollowingMu(i_mu, i_e, i_c, law)),
         Domain(0.0, math.inf, _PRIOR_TAU),
         functional,
         far,
-        lambda: Constraint(mu=FollowingMu(i_mu, i_e, i_c, law)),
     )
 
 
@@ -232,52 +151,20 @@ def _level(problem: Problem, place: int) -> float | None:
     return max(1.05 * bound * float(problem.rows.tau[at].max(initial=0.1)) / (1.0 + e_n), 1e-3)
 
 
-def outlying(optimum: Optimum) -> list[Array]:
-    """Constants elsewhere that describe the data nearly as well as the optimum does."""
-    return [theta for _, theta in optimum.minima[1:]] + list(optimum.extremes)
-
-
 def profile_curve(misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution) -> ProfileCurve:
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)
-    constrained = quantity.constrained
-    constraint = quantity.constraint()
-    if constraint is not None:
-        searched = SearchedProfile(misfit, constraint, value)
-
-        def of_one(x: float) -> float:
-            return float(searched(np.array([x]))[0])
-
-        curve = ProfileCurve(
-            of_one, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution, searched
-        )
-        curve.unconverged = searched.unconverged
-    elif constrained is not None:
-        curve = _solved_curve(misfit, quantity, constrained, resolution)
-    else:
-        raise ValueError(f"{quantity.name} has no constraint")
+    searched = SearchedProfile(misfit, quantity.constraint, value)
+    curve = ProfileCurve(
+        searched, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution, searched.unconverged
+    )
     variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
-    rivals = [quantity.of(theta) for theta in outlying(fit.optimum) if np.isfinite(theta).all()]
+    rivals = [quantity.of(theta) for theta in fit.optimum.outlying if np.isfinite(theta).all()]
     curve.explore([value, *rivals], step, limit(_COVERED, dof))
     return curve
-
-
-def _solved_curve(
-    misfit: Misfit, quantity: Quantity, constrained: ConstrainedOptimum, resolution: Resolution
-) -> ProfileCurve:
-    """A profile of which each value is solved in turn, beginning from the nearest one."""
-    optimum = misfit.fit.optimum.theta
-    thetas = {quantity.of(optimum): optimum}
-
-    def rise(x: float) -> float:
-        near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        thetas[x] = constrained(x, misfit.fit.sigma, near)
-        return misfit.rise(thetas[x])
-
-    return ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
 
 
 def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quantity]:

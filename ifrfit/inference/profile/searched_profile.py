@@ -67,7 +67,7 @@ class SearchedProfile:
         lower, upper = problem.parameters.bounds()
         self._search = BatchedSearch(problem, misfit.base, misfit.groups, free, lower, upper, constraint.mu)
         fit = misfit.fit
-        places = [fit.optimum.theta, *(theta for _, theta in fit.optimum.minima)]
+        places = [fit.optimum.theta, *fit.optimum.outlying]
         places += [mode.theta for mode in misfit.modes[1:]]
         self._optima = np.array(_distinct(places))
         self._theta = {value: fit.optimum.theta}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from ifrfit.inference.result.types import Fact
 
 if TYPE_CHECKING:
-    from ifrfit.inference.accuracy.effort import Effort
+    from ifrfit.inference.accuracy.request import Effort
     from ifrfit.inference.distributions.protocol import Distribution
     from ifrfit.inference.profile.types import ProfileLikelihood
 

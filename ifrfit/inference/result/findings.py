@@ -10,7 +10,7 @@ import pandas as pd
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.effort import Effort
+from ifrfit.inference.accuracy.request import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.io.plain import INTERNAL, OPTIONAL

@@ -13,9 +13,8 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.effective_dof import dof_of_functional
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional
 from ifrfit.inference.result.types import State
 from ifrfit.inference.summary.status import on_bound
 from ifrfit.physics.impulse_laws import Coefficients

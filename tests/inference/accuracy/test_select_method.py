@@ -14,9 +14,8 @@ import ifrfit
 from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy import select_method
-from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.accuracy.mcmc_accuracy import END, check_reachable, halting, reachable, standard_error
-from ifrfit.inference.accuracy.request import make_request
+from ifrfit.inference.accuracy.request import Effort, make_request
 from ifrfit.inference.accuracy.select_method import UNASKED, as_requested
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import make_estimator

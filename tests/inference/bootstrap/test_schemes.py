@@ -11,8 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap.resampling_units import kinds_of, number_impacts
-from ifrfit.inference.bootstrap.schemes import Cases, Residuals, Wild, corrected, draw_replicates, make_scheme
+from ifrfit.inference.bootstrap.schemes import (
+    Cases,
+    Residuals,
+    Wild,
+    corrected,
+    draw_replicates,
+    kinds_of,
+    make_scheme,
+    number_impacts,
+)
 
 N = 2000
 

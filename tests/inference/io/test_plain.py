@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data import Descriptor, Source
 from ifrfit.errors import DataError
-from ifrfit.inference.accuracy.effort import Effort
+from ifrfit.inference.accuracy.request import Effort
 from ifrfit.inference.comparison.result import PriorRow, PsiPlane, Verdict
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.json_text import dumps

@@ -10,8 +10,7 @@ from mcmc_targets import Modes, Normal
 
 from ifrfit.inference.mcmc import begin, run, verdict_of
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
-from ifrfit.inference.mcmc.chains import Chains
-from ifrfit.inference.mcmc.run import MAX_STEPS, walk
+from ifrfit.inference.mcmc.run import MAX_STEPS, Chains, walk
 
 SEED = np.random.SeedSequence(20)
 

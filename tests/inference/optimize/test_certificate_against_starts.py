@@ -16,7 +16,7 @@ from factories import rest_long
 from local_search import Local
 from random_problems import random_problem
 
-import ifrfit.inference.optimize.group_optimum as block_solver
+import ifrfit.inference.optimize.solve as block_solver
 from ifrfit.inference.optimize.branch_and_bound import minimise as certified_minimum
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem

@@ -6,17 +6,14 @@ import itertools
 
 import numpy as np
 import pytest
-from factories import BILINEAR, own_constant, rest_long
+from factories import BILINEAR, own_constant
 
 import ifrfit
 from ifrfit.data import read
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.optimum import objective_at
-from ifrfit.inference.optimize.parameter_group import range_of_e_n
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.inference.profile import constrained_fit
-from ifrfit.inference.profile.constrained_fit import best_at_kappa
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure
 
 GAMMA = np.linspace(4.0, 86.0, 25)
@@ -62,34 +59,6 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
     grid = itertools.product(e_n, np.linspace(-1.0, -0.4, 13), np.linspace(0.0, 0.3, 31))
     lowest = min(objective_at(problem, problem.noise.sigma, np.array(theta)) for theta in grid)
     assert found.objective <= lowest
-
-
-@pytest.mark.parametrize("bounds", [{}, {"bounds": {"mu": (0.02, 0.4)}}], ids=["free", "bounded"])
-@pytest.mark.parametrize("gamma", rest_long((GAMMA, np.linspace(8.0, 40.0, 8))), ids=["all angles", "steep"])
-@pytest.mark.parametrize("name", ["kappa", "friction", "impulse", "rebound"])
-def test_at_a_given_kappa_one_solve_finds_what_a_search_over_e_n_finds(
-    name, gamma, bounds, impacts, monkeypatch
-):
-    path = impacts(gamma=gamma, observables=ROADS[name][0], noise=0.03, sigma=0.03, seed=4)
-    problem = problem_of(path, **bounds)
-    sigma, near = problem.noise.sigma, solve(problem, problem.noise.sigma).theta
-    (of_kappa,) = problem.parameters.kappas
-    best = of_kappa.value(near)
-    kinks = 0.4 * problem.rows.tau[np.isfinite(problem.rows.tau)]  # where rows change their regime
-    places = (0.5 * best, best, 1.2 * best, *kinks[(kinks > 0.05) & (kinks < 0.4)][::3])
-    ranges = [range_of_e_n(kappa, problem.parameters["mu"]) for kappa in places]
-
-    def optima():
-        pairs = zip(places, ranges, strict=True)
-        return [best_at_kappa(problem, sigma, kappa, of_e_n, near) for kappa, of_e_n in pairs]
-
-    at_once = optima()
-    monkeypatch.setattr(constrained_fit, "linear_form", lambda *_: None)
-    assert [of_kappa.value(theta) for theta in at_once] == pytest.approx(places, rel=1e-12)
-    for one, searched in zip(at_once, optima(), strict=True):
-        found, least = (objective_at(problem, sigma, theta) for theta in (one, searched))
-        assert found <= least + 1e-7 * (1.0 + least)
-        assert found == pytest.approx(least, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ROADS)

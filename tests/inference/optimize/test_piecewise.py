@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from ifrfit.inference.optimize.branch_and_bound import branch, minimise, minimise_batch
 from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseBatch, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_quadratic import quadratic_of
-from ifrfit.inference.optimize.refinement import refine
-from ifrfit.inference.optimize.solved_cells import SolvedCells
+from ifrfit.inference.optimize.solved_cells import SolvedCells, refine
 
 
 def sphere(tau, y, sigma, closure="ifr", linear=None):

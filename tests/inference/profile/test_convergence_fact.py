@@ -9,8 +9,7 @@ from hard_cases.synthetic import FAN, HEADER, STEEP, noise, question, rows, tabl
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.optimize.batched_search import BatchedSearch
-from ifrfit.inference.profile.convergence_fact import profile_converged
-from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.inference.profile.profile_all import profile_all, profile_converged
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Fact
 

@@ -12,7 +12,7 @@ from ifrfit.inference.profile.types import closed, shape_of
 
 
 def traced(function, lower, upper, optima, step=0.1, far=None):
-    curve = ProfileCurve(function, lower, upper, far)
+    curve = ProfileCurve(np.vectorize(function, otypes=[float]), lower, upper, far)
     curve.explore(optima, step, limit(0.997))
     curve.best_place(optima[0])
     return curve
@@ -78,8 +78,7 @@ def test_infinity_that_closes_is_found_by_doubling() -> None:
 def test_infinity_that_never_closes_is_told() -> None:
     curve = traced(lambda x: max(0.0, 1.0 - x), 0.0, math.inf, [2.0])
     assert curve.stopped.startswith("it does not close up to 1e+")
-    curve = traced(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, [0.5])
-    curve.unconverged += [0.1, 0.2]
+    curve = ProfileCurve(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, unconverged=[0.1, 0.2])
     assert curve.stopped == f"the search has not settled at 2 of its {curve.n_evaluations} places"
 
 

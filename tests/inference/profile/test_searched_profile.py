@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 from factories import impacts_file, problem_of, rest_long
 
 from ifrfit.data import read
-from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.quantities import entry, kappa, transition_tau
-from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
+from ifrfit.inference.profile.searched_profile import SearchedProfile
 
 GAMMA = np.linspace(5.0, 75.0, 14)
 
@@ -35,38 +33,38 @@ def fitted(folder, closure, observables=("beta", "e_n"), noise=None, **choices):
 def test_entries_are_those_of_the_certified_method(tmp_path, closure, noise) -> None:
     problem, fit, misfit = fitted(tmp_path, closure, noise=noise)
     for place, theta in enumerate(fit.optimum.theta.tolist()):
-        certified = entry(problem, fit, place)
-        assert (certified.constraint() is None) == (noise is None)
-        sd = np.sqrt(fit.gaussian.variance(certified.functional, certified.domain.prior_sd))
+        quantity = entry(problem, fit, place)
+        sd = np.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         values = theta + sd * np.array([-2.0, -1.0, 0.5, 1.5])
-        searched = SearchedProfile(misfit, Constraint(place), theta)
+        searched = SearchedProfile(misfit, quantity.constraint, theta)
         found = searched(np.array(values))
         assert not searched.unconverged
         for value, rise in zip(values.tolist(), found.tolist(), strict=True):
-            assert rise == pytest.approx(in_turn(misfit, partial(certified.constrained, value)), abs=2e-6)
+            assert rise == pytest.approx(in_turn(misfit, {quantity.name: value}), abs=2e-6)
 
 
-def in_turn(misfit: Misfit, constrained) -> float:
-    """Rise where certified fits and the noises that they leave come to rest."""
-    theta = misfit.fit.optimum.theta
+def in_turn(misfit: Misfit, held) -> float:
+    """Rise where certified fits with constants held and the noises that they leave come to rest."""
+    theta, problem = misfit.fit.optimum.theta, misfit.problem.with_fixed(held)
     for _ in range(60):
         sigma = misfit.base.copy()
         residual = (misfit.problem.rows.value - misfit.problem.predict(theta)) / misfit.base
         for number, rows in enumerate(misfit.groups):
             sigma[rows] *= np.sqrt(residual[rows] @ residual[rows] / misfit.modes[0].dof[number])
-        theta = constrained(sigma, theta)
+        theta = solve(problem, sigma).theta
     return misfit.rise(theta)
 
 
 def test_kappa_is_that_of_the_certified_method(tmp_path) -> None:
     problem, fit, misfit = fitted(tmp_path, "fr")
-    certified = kappa(problem, fit, 0)
-    at = certified.of(fit.optimum.theta)
-    law = problem.closure.law(problem.inertia_factor)
-    searched = SearchedProfile(misfit, Constraint(mu=FollowingMu(2, 0, None, law)), at)
+    quantity = kappa(problem, fit, 0)
+    at = quantity.of(fit.optimum.theta)
+    searched = SearchedProfile(misfit, quantity.constraint, at)
     values = at * np.array([0.9, 0.97, 1.05, 1.1])
     for value, rise in zip(values.tolist(), searched(values).tolist(), strict=True):
-        theta = certified.constrained(value, fit.sigma, fit.optimum.theta)
+        # rows of e_n alone know e_n
+        held = {"e_n": fit.optimum.theta[0], "mu": value / (1.0 + fit.optimum.theta[0])}
+        theta = solve(problem.with_fixed(held), fit.sigma).theta
         assert rise == pytest.approx(misfit.rise(theta), abs=1e-7)
 
 
@@ -74,7 +72,7 @@ def test_the_transition_is_that_of_a_dense_grid(tmp_path) -> None:
     problem, fit, misfit = fitted(tmp_path, "fr", fix={"e_n": 0.94}, observables=("beta", "delta_deg"))
     quantity = transition_tau(problem, fit, 0)
     at = quantity.of(fit.optimum.theta)
-    searched = SearchedProfile(misfit, quantity.constraint(), at)
+    searched = SearchedProfile(misfit, quantity.constraint, at)
     values = at * np.array([0.85, 0.95, 1.1, 1.3])
     c = np.linspace(-1.0, 1.0, 4001)
     law = problem.closure.law(problem.inertia_factor)
@@ -101,24 +99,22 @@ def test_series_that_share_all_constants_have_one_transition(tmp_path) -> None:
     assert (first.value, first.interval95) == (second.value, second.interval95)
 
 
-def test_places_looked_at_together_give_the_same_pieces() -> None:
-    def rise(x):
-        return np.minimum((np.asarray(x) - 0.3) ** 2 / 0.02**2, 1.5 + (np.asarray(x) - 0.7) ** 2 / 0.01**2)
-
+def test_places_are_looked_at_together() -> None:
     calls = []
 
-    def many(x):
+    def rise(x):
         calls.append(x.size)
-        return rise(x)
+        return np.minimum((x - 0.3) ** 2 / 0.02**2, 1.5 + (x - 0.7) ** 2 / 0.01**2)
 
     limits = [limit(0.68), limit(0.95), limit(0.997)]
-    one = ProfileCurve(lambda x: float(rise(x)), 0.0, 1.0)
-    together = ProfileCurve(lambda x: float(rise(x)), 0.0, 1.0, of_many=many)
-    for curve in (one, together):
-        curve.explore([0.3, 0.7], 0.015, limit(0.997))
-        curve.cross(limits)
+    curve = ProfileCurve(rise, 0.0, 1.0)
+    curve.explore([0.3, 0.7], 0.015, limit(0.997))
+    curve.cross(limits)
     for each in limits:
-        assert np.array(together.pieces(each)) == pytest.approx(np.array(one.pieces(each)), abs=1e-9)
-    assert len(together.pieces(limits[1])) == 2
+        expected = [(0.3, 0.02 * np.sqrt(each))]
+        expected += [(0.7, 0.01 * np.sqrt(each - 1.5))] if each > 1.5 else []
+        assert np.array(curve.pieces(each)) == pytest.approx(
+            np.array([(at - half, at + half) for at, half in expected]), abs=1e-9
+        )
     # far fewer calls than places
     assert len(calls) < 0.3 * sum(calls)

@@ -13,9 +13,11 @@ from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 import ifrfit
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.optimize.optimum import objective_at
-from ifrfit.inference.profile.constrained_fit import best_with
+from ifrfit.inference.optimize.solve import solve
+from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.inference.profile.quantities import entry
+from ifrfit.inference.profile.searched_profile import SearchedProfile
 from ifrfit.inference.profile.types import ProfileLikelihood
 
 DROPS = (5.0, 10.0)
@@ -65,23 +67,16 @@ def test_a_held_mu_leaves_e_n_to_the_slope(
     separate: tuple[str, ...], sigma_e_n: float | None, places: int, tmp_path: Path
 ) -> None:
     problem, fit = question(tmp_path, sigma_e_n, separate=separate)
-    positions = problem.parameters.positions
+    misfit, positions = Misfit.of(problem, fit), problem.parameters.positions
     i_e, i_mu = int(positions["e_n"][0]), int(positions["mu"][0])
-    for factor in (0.75, 1.2):
-        mu = factor * float(fit.optimum.theta[i_mu])
-        theta = best_with(problem, fit.sigma, {i_mu: mu}, fit.optimum.theta)
-        assert theta[i_mu] == mu
-        grid = [
-            best_with(problem, fit.sigma, {i_mu: mu, i_e: e_n}, fit.optimum.theta)
-            for e_n in np.linspace(0.0, 1.0, places).tolist()
-        ]
-        at_grid = [objective_at(problem, fit.sigma, each) for each in grid]
-        best = min(at_grid)
-        found = objective_at(problem, fit.sigma, theta)
-        assert found <= best + 1e-7
-        # and its own e_n, held, leads to the same place
-        there = best_with(problem, fit.sigma, {i_mu: mu, i_e: float(theta[i_e])}, fit.optimum.theta)
-        assert found == pytest.approx(objective_at(problem, fit.sigma, there), abs=1e-6)
+    mu = float(fit.optimum.theta[i_mu])
+    at = mu * np.array([0.75, 1.2])
+    searched = SearchedProfile(misfit, entry(problem, fit, i_mu).constraint, mu)
+    for value, rise in zip(at.tolist(), searched(at).tolist(), strict=True):
+        names = problem.parameters.names
+        for e_n in np.linspace(0.0, 1.0, places).tolist():
+            held = problem.with_fixed({names[i_mu]: value, names[i_e]: e_n})
+            assert rise <= misfit.rise(solve(held, fit.sigma).theta) + 1e-7
 
 
 @pytest.mark.parametrize("prior", [{}, {"e_n": (0.8, 0.15)}], ids=["rows", "prior"])
