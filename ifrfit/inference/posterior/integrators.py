@@ -15,8 +15,8 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.posterior.adaptive_quadrature import (
     TOLERANCE,
     GridTooLargeError,
-    first_work,
     integrate,
+    refuse_large,
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
 from ifrfit.inference.posterior.factorised_sampling import evidence_by_series, sample_by_series
@@ -197,4 +197,4 @@ def _refuse_many_offsets(
 ) -> None:
     """Refuse a mixture over offsets whose grids would take too much work all together."""
     at_best = at_fitted_offset(problem, start)
-    first_work(at_best, tolerance, least_squares(at_best), most_work / _OFFSETS)
+    refuse_large(at_best, tolerance, least_squares(at_best), most_work / _OFFSETS)
