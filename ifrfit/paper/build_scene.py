@@ -180,11 +180,7 @@ def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tu
 
 def warnings_of(result: FitResult) -> tuple[str, ...]:
     """What nobody may overlook."""
-    warnings = [WARNING] if is_stand_in(result) else []
-    lack = result.facts["lack_of_fit"]
-    if not lack.ok:
-        warnings.append(contradiction(result, lack.figures.get("p")))
-    return tuple(warnings)
+    return tuple(filter(None, (WARNING if is_stand_in(result) else "", contradiction(result))))
 
 
 def points_of(
@@ -284,8 +280,8 @@ def real_data(figure: PaperFigure, fitted: Fitted) -> Scene:
     styles = {series: SeriesStyle(COLOURS[0], "o", "-")}
     curve = recovered_curve(result, y.observable, rows, series, figure.x, y, styles[series])
     table = every.predict(figure.x.gamma(figure.x.grid), observable=y.observable, series=series)
-    lack = every.facts["lack_of_fit"]
-    contradicted = "" if lack.ok else ", contradicted"
+    against = contradiction(every)
+    contradicted = ", contradicted" if against else ""
     line = Curve(
         "other",
         f"{figure.other_label}{contradicted}: {estimates_words(every)}",
@@ -294,7 +290,7 @@ def real_data(figure: PaperFigure, fitted: Fitted) -> Scene:
         Pen(GREY, (0, (3, 2)), 0.9),
     )
     printed = [m.curve(figure.x, y, s) for m in figure.models for s in figure.settings]
-    warnings = () if lack.ok else (contradiction(every, lack.figures.get("p")),)
+    warnings = (against,) if against else ()
     return Scene(
         figure.stem,
         figure.title,

@@ -244,21 +244,21 @@ def _regimes(result: FitResult, observable: str, styles: dict[str, style.SeriesS
 
 def _title(result: FitResult, width: float) -> str:
     """What nobody may overlook, wrapped to the width (inches); empty where there is nothing of the kind."""
-    sentences = []
-    if is_stand_in(result):
-        sentences.append("STAND-IN DATA, generated from the constants a paper prints: not an experiment")
-    lack = result.facts.get("lack_of_fit")
-    if lack is not None and not lack.ok:
-        sentences.append(contradiction(result, lack.figures.get("p")))
+    stand_in = "STAND-IN DATA, generated from the constants a paper prints: not an experiment"
+    sentences = (stand_in if is_stand_in(result) else "", contradiction(result))
     # about 13 bold characters an inch at this size
-    lines = [textwrap.fill(sentence, int(13.0 * width)) for sentence in sentences]
+    lines = [textwrap.fill(sentence, int(13.0 * width)) for sentence in sentences if sentence]
     return "\n".join(lines).replace(NON_BREAKING, " ")
 
 
-def contradiction(result: FitResult, p: float | None) -> str:
-    """Say that the data refute the closure, with the p value in one piece."""
+def contradiction(result: FitResult) -> str:
+    """Say that the data refute the closure, with the p value in one piece; empty where they do not."""
+    lack = result.facts.get("lack_of_fit")
+    if lack is None or lack.ok:
+        return ""
     separate = any(not isinstance(entry, Estimate) for entry in result.constants.values())
     words = f"The data contradict one set of constants{' a series' if separate else ''}"
+    p = lack.figures.get("p")
     if p is None:
         return words
     # the number stays in one piece when lines are broken
