@@ -14,7 +14,7 @@ READY = $(VENV)/ready
 .PHONY: reproduce test suite check-fast lint types calibrate benchmark clean
 
 reproduce: $(READY)
-	$(BIN)/python scripts/reproduce_paper.py --out figures
+	$(BIN)/python -m ifrfit reproduce --out figures
 
 test: lint
 	$(MAKE) --jobs 2 types suite

@@ -25,5 +25,5 @@ from .physics import Rebound as Rebound
 from .physics import rebound as rebound
 from .physics import transition_angles as transition_angles
 from .registry import register as register
-from .simulation.result import Simulation as Simulation
+from .simulation.simulate import Simulation as Simulation
 from .simulation.simulate import simulate as simulate

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ifrfit.physics.compliance import rebound_ratio
-from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI
-from ifrfit.physics.compliance.memory import memory_ratio
-from ifrfit.physics.compliance.table import compliance_table
+from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, compliance_table
+from ifrfit.physics.compliance.solvers import memory_ratio
 
 FOLDER = Path(__file__).parents[1] / "ifrfit" / "physics" / "compliance"
 TABLE, SPLINES = FOLDER / "table.csv", FOLDER / "splines.npz"

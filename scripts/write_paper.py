@@ -8,8 +8,8 @@ from studies import DOCS, markdown, render
 
 from ifrfit.data.catalogue import entry
 from ifrfit.data.descriptor import read_package
-from ifrfit.paper.cases import case_named
 from ifrfit.paper.figures import PAPER, PaperFigure
+from ifrfit.paper.recovered_constants import case_named
 
 TITLES = (
     "figure",

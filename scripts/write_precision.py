@@ -6,7 +6,7 @@ import numpy as np
 from studies import DOCS, markdown, render
 
 from ifrfit.cost.arithmetic_costs import DOUBLE, SINGLE, arithmetic_costs
-from ifrfit.cost.report.precision import precision_sentences, precision_table
+from ifrfit.cost.report.text import precision_sentences, precision_table
 
 CONSTANTS = {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}
 

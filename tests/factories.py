@@ -158,7 +158,7 @@ def cut_off(figure: Any, room: float = 1.0) -> list[Any]:
 def small_report() -> Any:
     """A `Report` of one paragraph and one picture, where only its files matter."""
     from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
-    from ifrfit.report.page.drawings.checks import draw_checks
+    from ifrfit.report.page.sections.predictive import draw_checks
 
     picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
     sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)

@@ -36,7 +36,7 @@ def compare(
     """Closures side by side: which of them the data prefer."""
     from ifrfit.inference.comparison.compare import compare as run
     from ifrfit.report.atomic_folder import check_free
-    from ifrfit.report.comparison.folder import COMPARISON, write_comparison
+    from ifrfit.report.comparison.figure import COMPARISON, write_comparison
 
     if out is not None:
         check_free(out, force=force, of=COMPARISON)

@@ -36,7 +36,7 @@ def cost(
     if quiet and out is None and not as_json:
         raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
     from ifrfit.cost.measure import measure_costs
-    from ifrfit.cost.report.folder import COSTS
+    from ifrfit.cost.result import COSTS
     from ifrfit.report.atomic_folder import check_free
 
     if out is not None:

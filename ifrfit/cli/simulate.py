@@ -10,7 +10,7 @@ import typer
 from ifrfit.cli.output import Quiet, command, say, working
 
 if TYPE_CHECKING:
-    from ifrfit.report.simulation.supplement import Supplement
+    from ifrfit.report.simulation.figure import Supplement
 
 
 @command
@@ -43,7 +43,7 @@ def simulate(
 
     if out is not None and not force:
         from ifrfit.report.atomic_folder import check_free
-        from ifrfit.report.simulation.folder import SIMULATION
+        from ifrfit.report.simulation.figure import SIMULATION
 
         check_free(out, force=False, of=SIMULATION)
     costs: Supplement | None = None
@@ -51,16 +51,15 @@ def simulate(
     with working(quiet or as_json, "simulating"):
         found = run(scene, samples=samples, seed=seed)
         if cost:
-            from ifrfit.cost.effect_costs import effect_costs
-            from ifrfit.cost.report.effect_costs import supplement
+            from ifrfit.cost.effect_costs import effect_costs, supplement
 
             costs = supplement(effect_costs(found.contact, found.impacts, found.plan), found)
         if out is not None:
-            from ifrfit.report.simulation.folder import write_simulation
+            from ifrfit.report.simulation.figure import write_simulation
 
             written = write_simulation(found, out, force=force, supplement=costs)
     if as_json:
-        from ifrfit.report.simulation.folder import dumps
+        from ifrfit.report.simulation.figure import dumps
 
         typer.echo(dumps(found, costs), nl=False)
     elif not quiet:

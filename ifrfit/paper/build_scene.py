@@ -1,4 +1,4 @@
-"""From a figure of the table and its fit to everything that is drawn."""
+"""From a figure of the table and its fits to everything that is drawn; real data are converted."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from ifrfit.data.catalogue import load_dataset
+from ifrfit.errors import DataError
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.paper.axes import INCIDENCE, Abscissa, Ordinate
 from ifrfit.paper.figures import PaperFigure
-from ifrfit.paper.scene import Scene
-from ifrfit.physics.angles import Array
+from ifrfit.paper.recovered_constants import case_named
+from ifrfit.paper.scene import INCIDENCE, Abscissa, Ordinate, Scene
+from ifrfit.physics import OBSERVABLES
+from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.rebound import rebound_with
 from ifrfit.report.figures import NON_BREAKING, contradiction
-from ifrfit.report.plot_elements import Band, Curve, Pen, Points, is_outlier, numbers, sticks
+from ifrfit.report.panels import Band, Curve, Pen, Points, is_outlier, numbers, sticks
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
-from ifrfit.report.regimes import transition_is_open, transitions
-from ifrfit.report.rounding import span_text, value_text
-from ifrfit.report.shading import Mark, Regimes, regimes_of, spans
-from ifrfit.report.style import COLOURS, SeriesStyle, series_styles
+from ifrfit.report.regimes import Mark, Regimes, regimes_of, spans, transition_is_open, transitions
+from ifrfit.report.sentences import span_text, value_text
+from ifrfit.report.style import COLOURS, GREY, SeriesStyle, series_styles
 from ifrfit.text import sd_text
 
 if TYPE_CHECKING:
@@ -27,6 +31,9 @@ if TYPE_CHECKING:
 
 WARNING = "STAND-IN DATA, not an experiment:\ngenerated from the printed constants"
 _SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "beta0": r"$\beta_0$", "mu": "μ"}
+_DIRECT = SeriesStyle(COLOURS[2], "D", "-")
+_NEEDS_E_N = ("mu_app", "delta_deg")
+_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -173,11 +180,7 @@ def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tu
 
 def warnings_of(result: FitResult) -> tuple[str, ...]:
     """What nobody may overlook."""
-    warnings = [WARNING] if is_stand_in(result) else []
-    lack = result.facts["lack_of_fit"]
-    if not lack.ok:
-        warnings.append(contradiction(result, lack.figures.get("p")))
-    return tuple(warnings)
+    return tuple(filter(None, (WARNING if is_stand_in(result) else "", contradiction(result))))
 
 
 def points_of(
@@ -247,3 +250,173 @@ def _transition_notes(figure: PaperFigure, result: FitResult) -> tuple[str, ...]
 
 def _without(result: FitResult, series: str) -> str:
     return "open" if transition_is_open(result, series) else "none"
+
+
+def real_data(figure: PaperFigure, fitted: Fitted) -> Scene:
+    """A figure of real data: points, the fit with its bands, another fit as a line, and printed constants.
+
+    Measured were the centre's restitution and, of some, the spin after. Each of them gives the impulse, and
+    the impulse gives beta, psi_after, mu_app and delta; what a source gives directly as well is drawn and
+    not fitted. Points of `fitted.other` that `fitted.result` leaves out are drawn in grey.
+
+    Raises
+    ------
+    DataError
+        If nothing was fitted that gives the impulse by itself.
+    """
+    assert figure.y is not None
+    result, every, y = fitted.result, fitted.other, figure.y
+    assert every is not None
+    e_n = float(result.flat_constants()["e_n"].value or 0.0)
+    measured = _tangential(result)
+    points = [
+        part
+        for name, styles in zip(measured, series_styles(list(measured)).values(), strict=True)
+        for part in _converted(result, every, name, styles, y, e_n)
+    ]
+    points += _direct(figure, y)
+    rows = _noise_rows(result, measured[0], y, e_n)
+    series = str(result.points["series"].iloc[0])
+    styles = {series: SeriesStyle(COLOURS[0], "o", "-")}
+    curve = recovered_curve(result, y.observable, rows, series, figure.x, y, styles[series])
+    table = every.predict(figure.x.gamma(figure.x.grid), observable=y.observable, series=series)
+    against = contradiction(every)
+    contradicted = ", contradicted" if against else ""
+    line = Curve(
+        "other",
+        f"{figure.other_label}{contradicted}: {estimates_words(every)}",
+        figure.x.grid,
+        y.sign * table["value"].to_numpy(dtype=float),
+        Pen(GREY, (0, (3, 2)), 0.9),
+    )
+    printed = [m.curve(figure.x, y, s) for m in figure.models for s in figure.settings]
+    warnings = (against,) if against else ()
+    return Scene(
+        figure.stem,
+        figure.title,
+        figure.x,
+        y,
+        (replace(curve, label=curve.label.replace("recovered", figure.label)), line, *printed),
+        tuple(points),
+        regimes_of(result, styles, figure.x.inside),
+        warnings,
+        _notes(result, y, e_n),
+    )
+
+
+def _tangential(result: FitResult) -> tuple[str, ...]:
+    """What was fitted and gives the impulse by itself."""
+    there = [str(name) for name in result.points["observable"].unique()]
+    found = [n for n in there if OBSERVABLES[n].linear is not None and OBSERVABLES[n].scale == "one"]
+    if not found:
+        raise DataError(
+            f"{result.inputs[0].name}: its figures need beta, beta_cm or the spin after, and there is "
+            f"{', '.join(there)}."
+        )
+    return tuple(found)
+
+
+def _converted(
+    result: FitResult, every: FitResult, measured: str, series_style: SeriesStyle, y: Ordinate, e_n: float
+) -> list[Points]:
+    """Points of one measurement: those fitted, with residuals, and those left out of the fit."""
+    fitted = result.points[result.points["observable"] == measured]
+    rows = every.points[every.points["observable"] == measured]
+    factor = float((fitted["sigma_used"] / fitted["sigma"]).median()) if len(fitted) else 1.0
+    left = rows[~rows["row"].isin(fitted["row"])]
+    left = left.assign(sigma_used=factor * left["sigma"])
+    found = []
+    for part, used in ((fitted, True), (left, False)):
+        if not len(part):
+            continue
+        value, sigma, sign = _converted_values(part, measured, y, e_n)
+        name = f"from {OBSERVABLES[measured].symbol}" + ("" if used else ", not fitted")
+        residual = y.sign * sign * part["standardised"].to_numpy(dtype=float)
+        own = series_style if used else SeriesStyle(GREY, series_style.marker, "-")
+        points = points_of(result, part, name, y.sign * value, sigma, residual, own)
+        found.append(points if used else replace(points, residual=None, is_outlier=None))
+    return found
+
+
+def _converted_values(
+    rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows as the observable shown, with its sigma; 1 or -1 as it rises or falls with what was measured."""
+    incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
+    value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
+    (here, spread), (there, _) = (
+        convert_observable(y.observable, measured, v, sigma, incidence, e_n=e_n)
+        for v in (value, value + sigma)
+    )
+    return here, spread, np.sign(there - here)
+
+
+def _noise_rows(result: FitResult, measured: str, y: Ordinate, e_n: float) -> pd.DataFrame:
+    """The fitted rows of one measurement with their sigma in the observable shown."""
+    rows = result.points[result.points["observable"] == measured]
+    return rows.assign(sigma_used=_converted_values(rows, measured, y, e_n)[1])
+
+
+def _direct(figure: PaperFigure, y: Ordinate) -> list[Points]:
+    """A further series, where it is of the observable shown."""
+    table = load_dataset(case_named(figure.case).dataset).table
+    rows = table[(table["series"] == figure.direct) & (table["observable"] == y.observable)]
+    if not len(rows):
+        return []
+    kinds = tuple(str(kind) for kind in rows["provenance"].unique())
+    label = f"read directly, not fitted ({provenance_words(kinds)})"
+    x, value, sigma = (rows[name].to_numpy(dtype=float) for name in ("gamma_deg", "value", "sigma"))
+    return [Points(label, x, y.sign * value, sigma, _DIRECT, ", ".join(kinds))]
+
+
+def _notes(result: FitResult, y: Ordinate, e_n: float) -> tuple[str, ...]:
+    series = str(result.points["series"].iloc[0])
+    words = [f"transition: {value_text(e)}°±{sd_text(e.stderr or 0.0)}°" for e in transitions(result, series)]
+    needs = [f"points need $e_n$, taken as {e_n:.3f}"] if y.observable in _NEEDS_E_N else []
+    return (*words, *needs)
+
+
+def convert_observable(
+    target: str,
+    measured: str,
+    value: Array,
+    sigma: Array,
+    incidence: Incidence,
+    *,
+    e_n: float,
+    inertia_factor: float = 0.4,
+) -> tuple[Array, Array]:
+    """Convert tangential measurements into another observable by the balance of angular momentum.
+
+    Parameters
+    ----------
+    target, measured : str
+        Observables; `measured` is of the tangential kind and does not depend on e_n.
+    value, sigma : ndarray, (n,)
+        What was measured, with its standard uncertainty.
+    incidence : Incidence
+        Of the n impacts.
+    e_n : float
+        Normal restitution, which some observables need (mu_app, delta).
+    inertia_factor : float
+
+    Returns
+    -------
+    value, sigma : ndarray, (n,)
+        In the unit of `target`; sigma to first order. nan where it is undefined.
+
+    Notes
+    -----
+    No closure enters: centre and spin change by the same impulse, -k U_t per mass.
+    """
+    offset, slope = OBSERVABLES[measured].linear(incidence, inertia_factor)  # type: ignore[misc]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        k, sigma_k = (value - offset) / slope, sigma / np.abs(slope)
+
+    def read(factor: Array) -> Array:
+        sticking = np.zeros(factor.shape, dtype=bool)
+        state = rebound_with(incidence, factor, sticking, np.asarray(e_n), inertia_factor)
+        return np.asarray(OBSERVABLES[target].value(state, np.zeros_like(factor)))
+
+    gradient = (read(k + _STEP) - read(k - _STEP)) / (2.0 * _STEP)
+    return read(k), np.asarray(np.abs(gradient) * sigma_k)

@@ -9,10 +9,9 @@ import numpy as np
 
 from ifrfit.paper.scene import Scene
 from ifrfit.report import style
-from ifrfit.report.figures import NON_BREAKING
-from ifrfit.report.legend import LINE, Legend
-from ifrfit.report.plot_elements import Look, draw_curve, draw_points, draw_residuals, handle
-from ifrfit.report.shading import draw_strip, shade
+from ifrfit.report.figures import LINE, NON_BREAKING, Legend
+from ifrfit.report.panels import Look, draw_curve, draw_points, draw_residuals, handle
+from ifrfit.report.regimes import draw_strip, shade
 from ifrfit.report.style import GREY
 
 if TYPE_CHECKING:

@@ -5,25 +5,100 @@ from __future__ import annotations
 import csv
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ifrfit.data.catalogue import dataset_names, load_dataset
-from ifrfit.errors import UsageError
-from ifrfit.paper.cases import CASES
-from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
-from ifrfit.paper.constants_table import table_text
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.paper import schemes
+from ifrfit.paper.build_scene import Fitted, real_data, theory_scene, with_points
+from ifrfit.paper.constants_table import Answer, across_regimes, across_spins, reading, table_text
+from ifrfit.paper.drawing import draw
 from ifrfit.paper.figures import FIGURES, PaperFigure
-from ifrfit.paper.make_figure import make_figure
-from ifrfit.paper.recovered_constants import COLUMNS, FittedCase, fit_case
-from ifrfit.paper.scene import write_rows
+from ifrfit.paper.recovered_constants import CASES, COLUMNS, Case, FittedCase, case_named, fit_case
+from ifrfit.paper.scene import Row, Scene, rounded, rows_of, write_rows
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_OTHER = {"beta": "contact point's", "beta_cm": "centre's"}
 TABLE = "constants.csv"
 FORMATS = (*SUFFIXES, "csv")
 REAL = ("measured", "published", "digitised")
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """A figure and the rows of its csv."""
+
+    stem: str
+    figure: Figure
+    rows: tuple[Row, ...]
+
+
+def make_figure(figure: PaperFigure, done: dict[str, FittedCase]) -> DrawnFigure | None:
+    """Draw a figure of the table.
+
+    Parameters
+    ----------
+    figure : PaperFigure
+    done : dict
+        Fits made so far, by case; those made here are put in.
+
+    Returns
+    -------
+    DrawnFigure or None
+        None where the user's own data do not have what the figure shows.
+    """
+    if figure.kind == "scheme":
+        if figure.name == "1":
+            return DrawnFigure(figure.stem, schemes.draw_impact(), tuple(schemes.rows()))
+        return DrawnFigure(figure.stem, schemes.draw_springs(), ())
+    scene = scene_of(figure, done)
+    if scene is None:
+        return None
+    scene = rounded(scene)
+    return DrawnFigure(figure.stem, draw(scene), tuple(rows_of(scene)))
+
+
+def scene_of(figure: PaperFigure, done: dict[str, FittedCase]) -> Scene | None:
+    """What a figure with an axis shows; None where the fit was refused."""
+    if figure.kind == "theory":
+        return theory_scene(figure)
+    case = case_named(figure.case)
+    result = _fitted(case, done).result
+    if result is None:
+        return None
+    if figure.kind == "real":
+        return _real(figure, result, done)
+    if not case.readings:
+        return with_points(figure, Fitted(result))
+    named = str(result.points["observable"].iloc[0])
+    other = next(name for name in case.readings if name != named)
+    label = f"recovered if they are the {_OTHER[other]}"
+    return with_points(figure, Fitted(result, fit_case(case, reading=other).result, label))
+
+
+def _real(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase]) -> Scene | None:
+    other = _fitted(case_named(figure.other), done).result
+    if other is None:
+        return None
+    try:
+        return real_data(figure, Fitted(result, other))
+    except DataError as error:
+        done[figure.case] = replace(done[figure.case], result=None, refusal=str(error))
+        return None
+
+
+def _fitted(case: Case, done: dict[str, FittedCase]) -> FittedCase:
+    if case.name not in done:
+        done[case.name] = fit_case(case)
+    return done[case.name]
 
 
 @dataclass(frozen=True)

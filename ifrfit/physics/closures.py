@@ -10,8 +10,7 @@ import copyreg
 from dataclasses import replace
 
 from ifrfit.physics.closure import Closure, ClosureConstant, Meaning, check_closure, rotational_share
-from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance, chi_range
-from ifrfit.physics.compliance.materials import poisson_ratio
+from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance, chi_range, poisson_ratio
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.registry import Registry
 

@@ -43,10 +43,6 @@ class Law(Protocol):
         """
         ...
 
-    def for_many(self, count: int) -> Law:
-        """The same law, in the form that is cheapest where k is wanted so many times."""
-        ...
-
 
 @dataclass(frozen=True)
 class Coefficients:
@@ -84,10 +80,6 @@ class Coefficients:
         """(b - b0)/b1; with b1 = 0 that is +inf above b0, -inf below."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((np.asarray(bound, dtype=float) - self.b0) / self.b1)
-
-    def for_many(self, count: int) -> Coefficients:
-        """The law as it is."""
-        return self
 
 
 def impulse_factor(

@@ -28,41 +28,9 @@ def _over(numerator: Array, denominator: Array) -> Array:
         return np.asarray(numerator / denominator)
 
 
-def _beta(i: Incidence, j: float) -> tuple[Array, Array]:
-    return -np.ones_like(i.sine), np.full_like(i.sine, 1.0 / rotational_share(j))
-
-
-def _beta_cm(i: Incidence, j: float) -> tuple[Array, Array]:
-    return -np.ones_like(i.sine), _over(i.slip_x, i.sine)
-
-
 def _tan_psi(i: Incidence, j: float) -> tuple[Array, Array]:
     tangent = _over(i.slip_x, i.cosine)
     return tangent, -tangent / rotational_share(j)
-
-
-def _mu_app(i: Incidence, j: float) -> tuple[Array, Array]:
-    return np.zeros_like(i.sine), _over(i.slip_x, i.cosine)
-
-
-def _beta_tot(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    return np.sqrt((i.sine - k * i.slip_x) ** 2 + (k * i.slip_y) ** 2 + (e_n * i.cosine) ** 2)
-
-
-def _delta(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    return np.degrees(np.arctan2(i.sine - k * i.slip_x, e_n * i.cosine))
-
-
-def _lambda(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    return np.degrees(np.arctan2(-k * i.slip_y, i.sine - k * i.slip_x))
-
-
-def _psi_after(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    return np.degrees(np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, i.cosine))
-
-
-def _psi_out(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    return np.degrees(np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, e_n * i.cosine))
 
 
 # In the order in which they are preferred where the same impacts are given several times: measured velocities
@@ -142,7 +110,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="restitution of the centre",  # -v_x/u_x
             kind="tangential",
             value=lambda r, mu: r.beta_cm,
-            linear=_beta_cm,
+            linear=lambda i, j: (-np.ones_like(i.sine), _over(i.slip_x, i.sine)),
             low=-RATIO,
             high=RATIO,
             undefined=("normal",),
@@ -173,7 +141,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="restitution of the contact point",  # -V_t/U_t
             kind="tangential",
             value=lambda r, mu: r.beta,
-            linear=_beta,
+            linear=lambda i, j: (-np.ones_like(i.sine), np.full_like(i.sine, 1.0 / rotational_share(j))),
             low=-RATIO,
             high=RATIO,
             undefined=("contact",),
@@ -204,7 +172,9 @@ OBSERVABLES: Registry[Observable] = Registry(
             unit="deg",
             kind="curved",
             value=lambda r, mu: np.degrees(r.psi_after),
-            by_impulse=_psi_after,
+            by_impulse=lambda i, k, e_n, j: np.degrees(
+                np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, i.cosine)
+            ),
             without_e_n=True,
             low=-90.0,
             high=90.0,
@@ -236,7 +206,9 @@ OBSERVABLES: Registry[Observable] = Registry(
             unit="deg",
             kind="curved",
             value=lambda r, mu: np.degrees(r.psi_out),
-            by_impulse=_psi_out,
+            by_impulse=lambda i, k, e_n, j: np.degrees(
+                np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, e_n * i.cosine)
+            ),
             low=-90.0,
             high=90.0,
             undefined=("grazing",),
@@ -250,7 +222,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="apparent friction",  # P_x/P_n
             kind="tangential",
             value=lambda r, mu: r.mu_app,
-            linear=_mu_app,
+            linear=lambda i, j: (np.zeros_like(i.sine), _over(i.slip_x, i.cosine)),
             scale="impulse",
             low=-RATIO,
             high=RATIO,
@@ -266,7 +238,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             unit="deg",
             kind="curved",
             value=lambda r, mu: np.degrees(r.delta),
-            by_impulse=_delta,
+            by_impulse=lambda i, k, e_n, j: np.degrees(np.arctan2(i.sine - k * i.slip_x, e_n * i.cosine)),
             low=-90.0,
             high=90.0,
             undefined=("grazing",),
@@ -280,7 +252,9 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="total restitution",  # |v|/u
             kind="curved",
             value=lambda r, mu: r.beta_tot,
-            by_impulse=_beta_tot,
+            by_impulse=lambda i, k, e_n, j: np.sqrt(
+                (i.sine - k * i.slip_x) ** 2 + (k * i.slip_y) ** 2 + (e_n * i.cosine) ** 2
+            ),
             low=0.0,
             high=FREE,
             takes=frozenset({"Tx", "Ty"}),
@@ -295,7 +269,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             unit="deg",
             kind="curved",
             value=lambda r, mu: np.degrees(r.lambda_),
-            by_impulse=_lambda,
+            by_impulse=lambda i, k, e_n, j: np.degrees(np.arctan2(-k * i.slip_y, i.sine - k * i.slip_x)),
             without_e_n=True,
             low=-180.0,
             high=180.0,

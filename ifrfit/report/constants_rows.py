@@ -10,8 +10,7 @@ import numpy as np
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import FACTOR, Estimate
 from ifrfit.physics.closures import CLOSURES
-from ifrfit.report.rounding import by_series, labelled
-from ifrfit.report.sentences import status_words
+from ifrfit.report.sentences import by_series, labelled, status_words
 from ifrfit.text import decimals, fixed, joined
 
 MOST_NOISES = 4  # of one observable that are told one by one

@@ -30,6 +30,11 @@ def is_stand_in(result: FitResult) -> bool:
     return any(STAND_IN in kinds_of(result, source) for source in result.inputs)
 
 
+def stand_in_words(result: FitResult) -> str:
+    """What stands before every caption of generated data; empty for data proper."""
+    return "STAND-IN data, not an experiment. " if is_stand_in(result) else ""
+
+
 def kinds_of(result: FitResult, source: Source) -> tuple[str, ...]:
     """Provenances of the rows used of a source; of the whole source where the result holds no points."""
     rows = rows_of(result, source)

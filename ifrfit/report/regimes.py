@@ -1,22 +1,30 @@
-"""Which impacts stick and which slide, and at what angle the one turns into the other."""
+"""Which impacts stick and which slide, and at what angle: in words, and shaded in figures."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES, OBSERVABLES
-from ifrfit.report.rounding import by_series, plus_minus, span_text
+from ifrfit.report.sentences import by_series, plus_minus, span_text
+from ifrfit.report.style import GREY, STICKING_SHADE, SeriesStyle
 from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pandas as pd
-
+    from matplotlib.axes import Axes
 
 _REGIMES = ("sticking", "sliding")
+# share of the axis that a word takes: across, upright, in the small type of a strip
+ACROSS, UPRIGHT, IN_STRIP = 0.17, 0.035, 0.13
+
+# the transitions as (value, low, high) in degrees, ascending; or one word where there is none
+Key = tuple[tuple[float, float, float], ...] | str
 
 
 def regime_name(result: FitResult, regime: str) -> str:
@@ -126,3 +134,192 @@ def transition_words(result: FitResult, series: str, counts: tuple[int, int] | N
         return f"no transition: all {does(result, 'sliding' if slide else 'sticking')}"
     words = [plus_minus(angle, sign) for angle in angles]
     return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees"
+
+
+def regime_key(result: FitResult, series: str) -> Key | None:
+    """What is drawn as the regimes of a series: its transitions (value, low, high), or one word.
+
+    A word where there is no transition: "sticking" or "sliding"; None where it is not known.
+    """
+    if transition_is_open(result, series):
+        return None
+    angles = transitions(result, series)
+    if angles:
+        return tuple(_angle(angle) for angle in angles)
+    rows = result.points[(result.points["series"] == series) & result.points["gamma_deg"].notna()]
+    sticking = rows["sticking"].map(bool)
+    if not sticking.any():
+        return "sliding"
+    return "sticking" if sticking.all() else None
+
+
+def _angle(estimate: Estimate) -> tuple[float, float, float]:
+    low, high = (
+        end if math.isfinite(end) else default
+        for end, default in zip(estimate.interval95, (0.0, 90.0), strict=True)
+    )
+    return float(estimate.value or 0.0), max(low, 0.0), min(high, 90.0)
+
+
+def spans(key: Key) -> list[tuple[float, float, str]]:
+    """Angle ranges with their regime, ascending: grazing impacts slide, below that regimes take turns."""
+    if isinstance(key, str):
+        return [(0.0, 90.0, key)]
+    edges = [0.0, *(angle[0] for angle in key), 90.0]
+    count = len(edges) - 1
+    return [
+        (edges[i], edges[i + 1], "sliding" if (count - 1 - i) % 2 == 0 else "sticking") for i in range(count)
+    ]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A transition between the regimes, with the ends of its 95 % interval where it has one."""
+
+    kind: str
+    label: str
+    x: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Regimes:
+    """Ranges of x with their regime; the style of their series where several differ."""
+
+    spans: tuple[tuple[float, float, str], ...]
+    marks: tuple[Mark, ...]
+    series_style: SeriesStyle | None = None
+
+
+def regimes_of(
+    result: FitResult, styles: Mapping[str, SeriesStyle], place: Callable[[float], float] = float
+) -> tuple[Regimes, ...]:
+    """Regimes of each series; one for all where they do not differ.
+
+    Parameters
+    ----------
+    result : FitResult
+    styles : mapping of str to SeriesStyle
+        Of the series that are drawn.
+    place : callable
+        Incidence angle in degrees to the horizontal axis, not beyond its ends.
+    """
+    keys = {series: regime_key(result, series) for series in styles}
+    shared = len(set(keys.values())) == 1
+    found = []
+    for series, key in list(keys.items())[: 1 if shared else None]:
+        ranges = ((place(low), place(high), regime) for low, high, regime in spans(key)) if key else ()
+        label = "transition" + ("" if shared else f", {series}")
+        marks = () if key is None or isinstance(key, str) else key
+        found.append(
+            Regimes(
+                tuple(span for span in ranges if span[1] > span[0]),
+                tuple(Mark("recovered", label, *map(place, mark)) for mark in marks),
+                None if shared else styles[series],
+            )
+        )
+    return tuple(found)
+
+
+def shade(axes: Axes, regimes: Regimes, *, words: bool, name: Callable[[str], str] = str) -> None:
+    """Shade sticking, name both regimes if `words`, and draw the transitions with their intervals.
+
+    Parameters
+    ----------
+    axes : Axes
+        With its limits.
+    regimes : Regimes
+    words : bool
+    name : callable
+        "sticking" or "sliding" to what it is called.
+    """
+    to_axes = axes.transData + axes.transAxes.inverted()
+    for low, high, regime in regimes.spans:
+        if regime == "sticking":
+            axes.axvspan(low, high, color=STICKING_SHADE, lw=0.0, zorder=0)
+        left, right = (float(to_axes.transform((x, axes.get_ylim()[0]))[0]) for x in (low, high))
+        if words and right - left > UPRIGHT:
+            axes.text(
+                0.5 * (left + right),
+                0.98,
+                name(regime),
+                transform=axes.transAxes,
+                ha="center",
+                va="top",
+                rotation=0.0 if right - left > ACROSS else 90.0,
+                color=GREY,
+                style="italic",
+                zorder=1,
+            )
+    for mark in regimes.marks:
+        if mark.kind == "printed_constants":
+            axes.axvline(mark.x, color="black", lw=0.7, ls=(0, (5, 1.6)), zorder=1.6)
+            continue
+        if mark.low is not None and mark.high is not None and mark.high > mark.low:
+            axes.axvspan(mark.low, mark.high, color="0.5", alpha=0.3, lw=0.0, zorder=1)
+        axes.axvline(mark.x, color=GREY, lw=0.9, zorder=1.5)
+
+
+def draw_strip(axes: Axes, several: Sequence[Regimes], name: Callable[[str], str] = str) -> None:
+    """Draw the regimes of several series that differ, one bar a series, above the data.
+
+    Parameters
+    ----------
+    axes : Axes
+        Shares the horizontal axis, with its limits, of the data.
+    several : sequence of Regimes
+        With the styles of their series.
+    name : callable
+        As in `shade`.
+    """
+    axes.set_ylim(len(several), 0)
+    left, right = axes.get_xlim()
+    for row, regimes in enumerate(several):
+        own = regimes.series_style
+        assert own is not None
+        axes.plot(
+            [-0.02],
+            [row + 0.5],
+            marker=own.marker,
+            ms=3.8,
+            color=own.colour,
+            transform=axes.get_yaxis_transform(),
+            clip_on=False,
+        )
+        if not regimes.spans:
+            words = "transition not determined"
+            axes.text(0.5 * (left + right), row + 0.5, words, ha="center", va="center", fontsize=6)
+        for low, high, regime in regimes.spans:
+            shadow = "0.86" if regime == "sticking" else "white"
+            axes.barh(row + 0.5, high - low, left=low, height=0.84, color=shadow, ec=own.colour, lw=0.6)
+            if high - low > IN_STRIP * (right - left):
+                middle, text = (low + high) / 2.0, name(regime)
+                axes.text(middle, row + 0.5, text, ha="center", va="center_baseline", fontsize=6)
+        for mark in regimes.marks:
+            ends = [row + 0.08, row + 0.92]
+            if mark.kind == "printed_constants":
+                axes.plot([mark.x, mark.x], ends, color="black", lw=0.8, ls=(0, (2, 1)))
+                continue
+            if mark.low is not None and mark.high is not None:
+                wide = mark.high - mark.low
+                axes.barh(row + 0.5, wide, left=mark.low, height=0.84, color=own.colour, alpha=0.45, lw=0.0)
+            axes.plot([mark.x, mark.x], ends, color=own.colour, lw=1.2)
+    axes.set_axis_off()
+
+
+def note_open_transition(axes: Axes, result: FitResult, series: str) -> None:
+    """Say in the picture what is known of a transition that the data do not determine."""
+    if not transition_is_open(result, series):
+        return
+    axes.text(
+        0.5,
+        0.975,
+        transition_words(result, series, None, "±"),
+        transform=axes.transAxes,
+        ha="center",
+        va="top",
+        color=GREY,
+        style="italic",
+        fontsize=6.5,
+    )

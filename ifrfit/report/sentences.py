@@ -1,16 +1,17 @@
-"""What a report says in words: what was fitted, how well, and what needs attention."""
+"""What a report says in words and numbers: what was fitted, how well, and what needs attention."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact
-from ifrfit.physics import CLOSURES
+from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.report.rounding import by_series, labelled
-from ifrfit.text import fixed, joined, p_text
+from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, sd_text
 
 HEADLINES = {
     "beyond_closure": "readings lie beyond what the closure can give",
@@ -53,6 +54,50 @@ CHECKS = {
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)
+
+
+def places_of(estimate: Estimate) -> int | None:
+    """Decimal places for the value and the interval of an estimate.
+
+    The standard deviation decides; without one the half width of the 95 % interval, or its finite end.
+    None where there is nothing to go by: the numbers are shown as they are.
+    """
+    if estimate.stderr is not None and math.isfinite(estimate.stderr) and estimate.stderr > 0.0:
+        return decimals(estimate.stderr)
+    low, high = estimate.interval95
+    ends = [end for end in (low, high) if math.isfinite(end)]
+    width = abs(high - low) / 2.0 if len(ends) == 2 else abs(ends[0]) if ends else 0.0
+    return decimals(width) if width > 0.0 and math.isfinite(width) else None
+
+
+def value_text(estimate: Estimate) -> str:
+    """The value, rounded by its uncertainty; "-" where the data do not determine it."""
+    if estimate.value is None:
+        return "-"
+    places = places_of(estimate)
+    return as_given(estimate.value) if places is None else fixed(estimate.value, places)
+
+
+def plus_minus(estimate: Estimate, sign: str = "±") -> str:
+    """The value with its standard deviation, where there is one."""
+    known = estimate.value is not None and estimate.stderr
+    return value_text(estimate) + (f" {sign} {sd_text(known)}" if known else "")
+
+
+def span_text(estimate: Estimate) -> str:
+    """The 95 % interval, with the digits of the value."""
+    return interval_text(estimate.interval95, places_of(estimate))
+
+
+def by_series(entry: object) -> dict[str, Estimate]:
+    """An estimate by the series whose it is: "" where all share it, nothing where there is none."""
+    each = entry if isinstance(entry, Mapping) else {"": entry}
+    return {series: found for series, found in each.items() if isinstance(found, Estimate)}
+
+
+def labelled(name: str, series: str) -> str:
+    """A constant's name, with the series in brackets where separate."""
+    return f"{name} [{series}]" if series else name
 
 
 def is_quiet(name: str, fact: Fact) -> bool:
@@ -254,3 +299,11 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         if warning not in shown and not warning.startswith(handled)
     ]
     return alarms + fine + notes
+
+
+def sentence(says: str) -> str:
+    """A finding as a sentence: with a full stop, and a capital unless a quantity's name comes first."""
+    first = says.partition(" ")[0].rstrip(",:;")
+    constants = (closure.constant for closure in CLOSURES.values())
+    shown = says if first in {*OBSERVABLES, *constants, "chi2", "kappa"} else f"{says[:1].upper()}{says[1:]}"
+    return f"{shown.rstrip('.')}."

@@ -9,8 +9,15 @@ from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
 from ifrfit.report.page.html import environment
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import plus_minus, span_text
-from ifrfit.report.sentences import assumed_line, findings, headline, misfit_line, model_line
+from ifrfit.report.sentences import (
+    assumed_line,
+    findings,
+    headline,
+    misfit_line,
+    model_line,
+    plus_minus,
+    span_text,
+)
 
 _LATEX_SPECIAL = str.maketrans(
     {

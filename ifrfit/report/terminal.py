@@ -1,28 +1,36 @@
-"""The findings of a fit as text for a terminal, and as tables to paste into a paper."""
+"""The findings of a fit, and intervals of three methods, as text for a terminal."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Interval
 from ifrfit.report.constants_rows import Row, table_rows
-from ifrfit.report.provenance import (
-    STAND_IN,
-    contents,
-    kinds_of,
-    left_out,
-    provenance_sentences,
-    reference,
-)
+from ifrfit.report.provenance import STAND_IN, contents, kinds_of, left_out, provenance_sentences, reference
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import assumed_line, effort_line, findings, headline, misfit_line, model_line
-from ifrfit.text import interval_ends, interval_text, sd_text
+from ifrfit.report.sentences import (
+    assumed_line,
+    effort_line,
+    findings,
+    headline,
+    misfit_line,
+    model_line,
+    places_of,
+    value_text,
+)
+from ifrfit.text import decimals, interval_ends, interval_text, sd_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WIDTH = 100
+METHODS = ("covariance", "profile", "exact")
+_SDS = 4.0  # an interval of 95 % is about four standard deviations wide
 
 
 def summary(result: FitResult, style: str = "text") -> str:
@@ -68,7 +76,7 @@ def text(result: FitResult) -> str:
     further = misfit_line(result), assumed_line(result), effort_line(result)
     below = [*regimes, *(line for line in further if line)]
     for line in below:
-        lines += ["  " + part for part in wrapped(line, 2, WIDTH - 2)]
+        lines += ["  " + part for part in wrapped(line, 2, width=WIDTH - 2)]
     if below:
         lines.append("")
     for kind, sentence in findings(result):
@@ -78,14 +86,14 @@ def text(result: FitResult) -> str:
 
 def finding_lines(kind: str, sentence: str) -> list[str]:
     """A finding behind its kind: LOOK, ok or note."""
+    return wrapped(sentence, 8, f"  {kind:<6}")
+
+
+def wrapped(sentence: str, hang: int, start: str = "", width: int = WIDTH) -> list[str]:
+    """Lines of at most `width` columns: the first behind `start`, the others indented by `hang`."""
     return textwrap.wrap(
-        sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
+        sentence, width, initial_indent=start, subsequent_indent=" " * hang, break_on_hyphens=False
     )
-
-
-def wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
-    """Lines of at most `width` columns, all but the first indented by `hang`."""
-    return textwrap.wrap(sentence, width, subsequent_indent=" " * hang, break_on_hyphens=False)
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: str = "  ") -> list[str]:
@@ -114,7 +122,7 @@ def source_lines(result: FitResult) -> list[str]:
         first = [*kinds[:1], about, *kinds[1:]] if STAND_IN in kinds_of(result, source) else [about, *kinds]
         sentences = [*first, reference(source), left_out(source)]
         paragraphs = [
-            part for sentence in sentences if sentence for part in wrapped(sentence, 0, WIDTH - indent)
+            part for sentence in sentences if sentence for part in wrapped(sentence, 0, width=WIDTH - indent)
         ]
         name = source.name
         if len(name) > indent - 3:
@@ -156,3 +164,41 @@ def _numbers(row: Row) -> tuple[str, str]:
         return row.plain, "-"
     sd = row.estimate.stderr
     return value_text(row.estimate), "-" if sd is None or row.estimate.value is None else sd_text(sd)
+
+
+def side_by_side(table: pd.DataFrame) -> str:
+    """95 % intervals by covariance, profile and exact posterior, and where they disagree.
+
+    Parameters
+    ----------
+    table : DataFrame
+        What `FitResult.intervals` returned.
+
+    Returns
+    -------
+    str
+        One line a constant, then one sentence a disagreement; at most 100 columns unless a name is very long.
+        Ends without a line feed.
+    """
+    if table.empty:
+        return "  every constant is fixed: there are no intervals to compare"
+    columns = {method: _column(table, method) for method in METHODS}
+    names = [str(name).replace("[", " [") for name in table.index]
+    rows = [("", *METHODS), *zip(names, *columns.values(), strict=True)]
+    lines = ["  central 95 % intervals by three methods", "", *aligned(rows, "<<<<", "   "), ""]
+    disagreeing = [("LOOK", sentence) for sentence in disagreements(table)]
+    for kind, sentence in disagreeing or [("ok", "the three methods agree")]:
+        lines += finding_lines(kind, sentence)
+    return "\n".join(lines)
+
+
+def _column(table: pd.DataFrame, method: str) -> list[str]:
+    """Intervals of one method, with the digits that the exact one deserves and their ends aligned."""
+    low, high = (table[f"{method}_{end}"].to_numpy(dtype=float).tolist() for end in ("low", "high"))
+    places = [_places(table, i) for i in range(len(table))]
+    return interval_column(list(zip(low, high, strict=True)), places)
+
+
+def _places(table: pd.DataFrame, row: int) -> int | None:
+    span = float(table["exact_high"].iloc[row] - table["exact_low"].iloc[row])
+    return decimals(span / _SDS) if span > 0.0 else None

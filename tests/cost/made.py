@@ -8,9 +8,8 @@ import numpy as np
 from scipy import stats
 
 import ifrfit
-from ifrfit.cost.compared_estimates import Numbers
-from ifrfit.cost.conditions import beginning, setting_of
-from ifrfit.cost.inference_costs import UNIT, Reference
+from ifrfit.cost.inference_costs import UNIT, Numbers, Reference
+from ifrfit.cost.measure import beginning, setting_of
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.inference.fit import make_question

@@ -7,8 +7,18 @@ import pytest
 from mpmath import workdps
 
 from ifrfit.cost import arithmetic_costs as arithmetic
-from ifrfit.cost.arithmetic_costs import DOUBLE, EXACT, GIVEN, READINGS, SINGLE, VELOCITIES, arithmetic_costs
-from ifrfit.cost.hard_impacts import HARD, Impact, hard_impacts
+from ifrfit.cost.arithmetic_costs import (
+    DOUBLE,
+    EXACT,
+    GIVEN,
+    HARD,
+    READINGS,
+    SINGLE,
+    VELOCITIES,
+    Impact,
+    arithmetic_costs,
+    hard_impacts,
+)
 from ifrfit.errors import UsageError
 from ifrfit.physics import OBSERVABLES, rebound
 

@@ -12,7 +12,7 @@ import pytest
 import ifrfit
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.report.figure import ASIDE, FRONT_LABEL
-from ifrfit.cost.report.sentences import error_text, ratio_text
+from ifrfit.cost.report.text import error_text, ratio_text
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.errors import UsageError
 

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 import ifrfit
-from ifrfit.cost.compared_estimates import (
+from ifrfit.cost.inference_costs import (
+    OTHER_QUESTION,
+    UNIT,
+    Extent,
     Numbers,
+    inference_costs,
     largest_errors,
     of_distribution,
     of_least_squares,
     of_profiles,
 )
-from ifrfit.cost.inference_costs import OTHER_QUESTION, UNIT, Extent, inference_costs
 from ifrfit.errors import UsageError
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate

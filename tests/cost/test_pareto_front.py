@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ifrfit.cost.pareto_front import best_for, cheapest, choices_of
+from ifrfit.cost.result import best_for, cheapest, choices_of
 from ifrfit.cost.timing import Cost, Timing
 
 

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ifrfit.cost.arithmetic_costs import DOUBLE, GIVEN, SINGLE, VELOCITIES, arithmetic_costs
-from ifrfit.cost.hard_impacts import HARD
-from ifrfit.cost.report.precision import precision_lines, precision_sentences, precision_table
+from ifrfit.cost.arithmetic_costs import DOUBLE, GIVEN, HARD, SINGLE, VELOCITIES, arithmetic_costs
+from ifrfit.cost.report.text import precision_lines, precision_sentences, precision_table
 from ifrfit.cost.timing import Cost, Timing
 
 

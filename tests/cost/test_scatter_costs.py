@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from ifrfit import AngleErrors, Noise
-from ifrfit.cost.compared_estimates import largest_errors, of_distribution
-from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs
+from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs, largest_errors, of_distribution
 from ifrfit.cost.measure import measure_costs
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.fit import fit

@@ -9,10 +9,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from ifrfit.cost.effect_costs import EffectCosts
-from ifrfit.cost.report.effect_costs import change_text, cost_lines, plot_costs, supplement
+from ifrfit.cost.effect_costs import EffectCosts, change_text, cost_lines, plot_costs, supplement
 from ifrfit.cost.timing import Cost, Timing, table_of
-from ifrfit.report.simulation.folder import SIMULATION, dumps, write_simulation
+from ifrfit.report.simulation.figure import SIMULATION, dumps, write_simulation
 from ifrfit.report.simulation.text import summary
 from ifrfit.simulation.simulate import simulate
 

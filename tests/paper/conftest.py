@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from ifrfit.paper.figures import FIGURES, PaperFigure
-from ifrfit.paper.make_figure import make_figure, scene_of
+from ifrfit.paper.reproduce import make_figure, scene_of
 
 
 def named(name: str) -> PaperFigure:

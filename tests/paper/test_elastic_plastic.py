@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ifrfit.paper.elastic_plastic import SPEED, ElasticPlastic
-from ifrfit.paper.figures import FIGURES
+from ifrfit.paper.figures import FIGURES, SPEED, ElasticPlastic
 
 
 def line():

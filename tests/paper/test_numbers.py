@@ -11,7 +11,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from ifrfit.data.catalogue import load_dataset
-from ifrfit.paper import scheme_impact
+from ifrfit.paper import schemes
 from ifrfit.paper.figures import FIGURES, PAPER
 from ifrfit.paper.scene import HEADER, rounded, rows_of, write_rows
 from ifrfit.physics import rebound
@@ -218,7 +218,7 @@ def test_the_csv_has_the_columns_of_the_contract(scene, tmp_path):
 
 
 def test_the_arrows_of_fig_1_are_the_impact_to_scale():
-    ends = {(row.panel[0], row.label): (row.x, row.y) for row in scheme_impact.rows()}
+    ends = {(row.panel[0], row.label): (row.x, row.y) for row in schemes.rows()}
     r = rebound(40.0, 0.50, 0.35, degrees=True, e_n=0.90, e_t=-0.90, mu=0.15)
     head, tail = ends["c", "U_t head"], ends["c", "U_t tail"]
     slip = head[0] - tail[0], tail[1] - head[1]  # y is down

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ifrfit.paper.observable_conversion import convert_observable
+from ifrfit.paper.build_scene import convert_observable
 from ifrfit.physics import OBSERVABLES, rebound
 
 TANGENTIAL = ("beta", "beta_cm", "spin_y_after", "tan_psi_after")

@@ -6,7 +6,7 @@ import pytest
 from factories import cut_off, texts_of
 
 from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.scheme_springs import draw as draw_springs
+from ifrfit.paper.schemes import draw_springs
 from ifrfit.report.style import save_figure
 
 DRAWN = [f.name for f in FIGURES]

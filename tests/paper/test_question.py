@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ifrfit.data.catalogue import install
-from ifrfit.paper.cases import CASES, case_named
-from ifrfit.paper.claims import OPEN, across_regimes, across_spins, reading
-from ifrfit.paper.recovered_constants import fit_case
+from ifrfit.paper.constants_table import OPEN, across_regimes, across_spins, reading
+from ifrfit.paper.recovered_constants import CASES, case_named, fit_case
 from ifrfit.physics import OBSERVABLES, rebound
 
 ANGLES = np.arange(4.0, 86.0, 4.0)

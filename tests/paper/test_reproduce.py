@@ -3,18 +3,16 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from scipy.special import bdtr
 
 from ifrfit.data.catalogue import dataset_names, install, load_dataset, printed_constants
 from ifrfit.errors import UsageError
-from ifrfit.paper import cases, reproduce
+from ifrfit.paper import reproduce
 from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.recovered_constants import chance
+from ifrfit.paper.recovered_constants import CASES, chance
 
-ROOT = Path(__file__).parents[2]
 HEADER = (
     "dataset,series,constant,printed,value,stderr,lo95,hi95,status,identifiable,lack_of_fit_ok,lack_of_fit_p,"
     "certified,provenance,case,figure,note"
@@ -84,9 +82,9 @@ def test_every_figure_is_drawn_and_every_dataset_fitted(whole):
     out, _ = whole
     assert {path.name for path in out.iterdir()} == files(*STEMS) | {"constants.csv"}
     assert {figure.stem for figure in FIGURES} == STEMS
-    assert {case.dataset for case in cases.CASES} == set(dataset_names())
+    assert {case.dataset for case in CASES} == set(dataset_names())
     shown = {row["case"] for row in rows_of(out)}
-    assert shown == {case.name for case in cases.CASES}
+    assert shown == {case.name for case in CASES}
     assert {figure.case for figure in FIGURES if figure.case} <= shown
 
 
@@ -94,7 +92,7 @@ def test_the_table_has_its_columns_and_says_where_everything_comes_from(whole):
     out, _ = whole
     assert (out / "constants.csv").read_text("utf-8").partition("\n")[0] == HEADER
     rows = rows_of(out)
-    assert len(rows) == 3 * len(cases.CASES)
+    assert len(rows) == 3 * len(CASES)
     assert {row["dataset"]: row["provenance"] for row in rows} == {
         "kharaz-2001": "digitised",
         "cornell-glass": "measured",
@@ -355,9 +353,9 @@ def test_progress_is_told_a_line_per_figure_and_nothing_is_printed(tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_script_does_the_same_in_a_process_of_its_own(whole, tmp_path):
+def test_the_command_does_the_same_in_a_process_of_its_own(whole, tmp_path):
     """A figure with a fit; strings hash by another seed there."""
-    command = [sys.executable, ROOT / "scripts" / "reproduce_paper.py", "--figure", "4b", "--out"]
+    command = [sys.executable, "-m", "ifrfit", "reproduce", "--figure", "4b", "--out"]
     done = subprocess.run(
         [*command, tmp_path / "out"], capture_output=True, text=True, encoding="utf-8", check=True
     )

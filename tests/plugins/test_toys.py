@@ -485,7 +485,7 @@ def test_a_law_that_does_not_contradict_itself_is_taken() -> None:
         (replace(GRIP, name="g2", own=replace(GRIP.own, name="a b")), "calls its constant 'a b'"),
         (
             replace(GRIP, name="g2", law=lambda j: 3.0),
-            r"is a float: it must have the functions of .*Law, and lacks impulse, slopes, .* for_many\.",
+            r"is a float: it must have the functions of .*Law, and lacks impulse, slopes, .* constant_at\.",
         ),
         (rooted(bound_slope=None), "and lacks bound_slope"),
         (

@@ -36,9 +36,6 @@ class Rooted:
     def constant_at(self, bound: Any) -> Any:
         return np.sqrt(np.maximum(np.asarray(bound) / self.share - 1.0, 0.0))
 
-    def for_many(self, count: int) -> Rooted:
-        return self
-
 
 BEND = Closure(
     "bend",

@@ -13,8 +13,8 @@ from factories import cut_off
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.report import write_folder
-from ifrfit.report.comparison.findings import findings, prior_line
-from ifrfit.report.comparison.folder import write_comparison
+from ifrfit.report.comparison.figure import write_comparison
+from ifrfit.report.comparison.text import findings, prior_line
 
 NASTY = "<b>&$ball$_1"
 

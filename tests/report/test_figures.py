@@ -14,10 +14,9 @@ from factories import cut_off, texts_of
 import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
-from ifrfit.report import legend, plot
-from ifrfit.report.panels import axis_label
-from ifrfit.report.plot_elements import is_outlier, outlier_limit
-from ifrfit.report.shading import regime_key, spans
+from ifrfit.report import figures, plot
+from ifrfit.report.panels import axis_label, is_outlier, outlier_limit
+from ifrfit.report.regimes import regime_key, spans
 from ifrfit.report.style import save_figure, series_styles
 
 
@@ -305,7 +304,7 @@ def test_legend_columns_are_filled_as_matplotlib_fills_them():
     entries = [(None, str(i)) for i in range(7)]
     for count in range(1, 8):
         expected = [list(part) for part in np.array_split([label for _, label in entries], count)]
-        assert legend._columns(entries, count) == expected
+        assert figures._columns(entries, count) == expected
 
 
 def test_drawing_leaves_the_settings_of_matplotlib_alone(made, tmp_path):

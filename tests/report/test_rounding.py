@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.sentences import places_of, value_text
 
 inf = math.inf
 

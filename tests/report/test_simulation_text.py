@@ -12,8 +12,7 @@ from ifrfit.errors import UsageError
 from ifrfit.physics.effects import Criterion, PlanLine
 from ifrfit.physics.scenes import Quantity
 from ifrfit.report.atomic_folder import check_free
-from ifrfit.report.simulation.figure import plot
-from ifrfit.report.simulation.folder import SIMULATION, write_simulation
+from ifrfit.report.simulation.figure import SIMULATION, plot, write_simulation
 from ifrfit.report.simulation.text import plan_text, quantity_text
 from ifrfit.simulation.simulate import simulate
 
@@ -184,7 +183,7 @@ def test_the_folder_appears_whole_and_the_same_bytes_each_time(found, tmp_path):
 @pytest.fixture
 def blank(monkeypatch):
     """Figures without ink: drawing is tested elsewhere."""
-    monkeypatch.setattr("ifrfit.report.simulation.folder.plot", lambda simulation: None)
+    monkeypatch.setattr("ifrfit.report.simulation.figure.plot", lambda simulation: None)
 
     def save(figure, folder, stem):
         names = [f"{stem}.svg", f"{stem}.png"]
@@ -192,7 +191,7 @@ def blank(monkeypatch):
             (folder / name).write_text("blank")
         return names
 
-    monkeypatch.setattr("ifrfit.report.simulation.folder.save_svg_and_png", save)
+    monkeypatch.setattr("ifrfit.report.simulation.figure.save_svg_and_png", save)
 
 
 @pytest.mark.usefixtures("blank")
@@ -211,7 +210,7 @@ def test_nothing_is_left_where_writing_fails(found, tmp_path, monkeypatch):
     def fail(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("ifrfit.report.simulation.folder.save_svg_and_png", fail)
+    monkeypatch.setattr("ifrfit.report.simulation.figure.save_svg_and_png", fail)
     with pytest.raises(UsageError, match="No space left"):
         write_simulation(found("lateral-spin"), tmp_path / "a" / "b", force=False)
     assert list(tmp_path.iterdir()) == []

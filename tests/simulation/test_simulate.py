@@ -16,7 +16,7 @@ from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.effects import EFFECTS, compose
 from ifrfit.physics.effects.plan import differences
 from ifrfit.physics.scenes import read_scene
-from ifrfit.physics.scenes.scene import AXES
+from ifrfit.physics.scenes.reading import AXES
 from ifrfit.simulation.simulate import simulate
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "docs" / "scenes").glob("*.toml"))

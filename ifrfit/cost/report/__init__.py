@@ -1,11 +1,8 @@
-"""Measured costs as text, JSON, figures and folder."""
+"""Measured costs as text and figures."""
 
 from __future__ import annotations
 
 from ifrfit.cost.report.figure import plot
-from ifrfit.cost.report.folder import write_costs
-from ifrfit.cost.report.sentences import sentences
-from ifrfit.cost.report.text import html, summary
-from ifrfit.cost.report.to_json import to_dict
+from ifrfit.cost.report.text import html, sentences, summary
 
-__all__ = ["html", "plot", "sentences", "summary", "to_dict", "write_costs"]
+__all__ = ["html", "plot", "sentences", "summary"]

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.inference_costs import OTHER_QUESTION
-from ifrfit.cost.pareto_front import Choice
-from ifrfit.cost.report.sentences import error_text, method_name
-from ifrfit.cost.result import Costs
+from ifrfit.cost.report.text import error_text, method_name
+from ifrfit.cost.result import Choice, Costs
 from ifrfit.cost.timing import Kind
 from ifrfit.errors import UsageError
 from ifrfit.report import style

@@ -212,10 +212,10 @@ class SumOfSquares:
             square = square + friction.at(mu - self.reference.mu)
         return square
 
-    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, *, law: Law | None = None) -> Array:
-        """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""
+    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+        """Weighted residuals of curved rows, (..., rows)."""
         part = self.rows.take(rows)
-        factor = self._factors(part, x, c, law or self.law)
+        factor = self._factors(part, x, c)
         out = np.empty(factor.shape)
         for name in part.names:
             at = part.rows_of(name)
@@ -231,10 +231,10 @@ class SumOfSquares:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
-    def _factors(self, part: Rows, x: Array, c: Array, law: Law | None) -> Array:
+    def _factors(self, part: Rows, x: Array, c: Array) -> Array:
         """Impulse factors of rows, (..., rows)."""
-        if law is not None:
-            return law.impulse(part.incidence, c[..., None], x[..., None])[0]
+        if self.law is not None:
+            return self.law.impulse(part.incidence, c[..., None], x[..., None])[0]
         k = self.coefficients
         a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -252,9 +252,8 @@ class SumOfSquares:
         flat = [y.reshape(-1) for y in (e_n, x, c)]
         out = np.empty(c.size)
         step = max(1, AT_ONCE // rows.size)
-        law = None if self.law is None else self.law.for_many(out.size * rows.size)
         for start in range(0, out.size, step):
             at = slice(start, start + step)
-            residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
+            residual = self.curved_values(rows, *(y[at] for y in flat))
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(c.shape)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ifrfit.physics.angles import Array
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage, Validity
 
 # Dupre's work of adhesion per area, J/m^2
 INTERFACE_ENERGY = ContactNumber("interface_energy", 0.0, 1e3, "J_m2")
@@ -39,7 +38,7 @@ def tabor(contact: Contact, radius: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Adhesion:
+class Adhesion(Effect):
     """Johnson-Kendall-Roberts adhesion as a loss of energy on separation.
 
     After plastic loading the work of separation is taken with the radius of unloading. That combination is
@@ -49,7 +48,6 @@ class Adhesion:
     name: str = "adhesion"
     title: str = "adhesion"
     stage: Stage = "adhesion"
-    replaces: Literal[""] = ""
     cost_ns: float = 16.0
     numbers: tuple[ContactNumber, ...] = (INTERFACE_ENERGY,)
     source: str = (

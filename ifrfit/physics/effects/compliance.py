@@ -10,10 +10,10 @@ import numpy as np
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.compliance import law
-from ifrfit.physics.compliance.materials import LARGEST_RATIO, LEAST_RATIO
-from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
+from ifrfit.physics.compliance.law import LARGEST_RATIO, LEAST_RATIO
+from ifrfit.physics.effects.contact import Contact, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage, Validity
 from ifrfit.physics.rebound import friction_impulse
 
 # stiffness ratio from nu = 0.5 to nu = 0; a little more for rounding
@@ -29,7 +29,7 @@ def compliance_number(contact: Contact, impacts: Impacts) -> Array:
 
 
 @dataclass(frozen=True)
-class Compliance:
+class Compliance(Effect):
     """Maw-Barber-Fawcett; for e_n < 1 scaled with (1 + e_n)/2, which is exact in gross slip only."""
 
     name: str = "compliance"
@@ -37,7 +37,6 @@ class Compliance:
     stage: Stage = "tangential"
     replaces: Literal["tangential"] = "tangential"
     cost_ns: float = 70.0
-    numbers: tuple[ContactNumber, ...] = ()
     source: str = (
         "Maw, Barber & Fawcett (1976), Wear 38, 101; for e_n < 1 the scaling of Wu, Thornton & Li (2003), "
         "Adv. Powder Technol. 14, 435"

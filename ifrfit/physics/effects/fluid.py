@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
+from ifrfit.physics.effects.contact import Contact, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage, Validity
 
 DECAY = 35.0  # of e/e_dry = exp(-35/St), Legendre, Daniel & Guiraud (2005)
 NO_REBOUND = 10.0  # Stokes number up to which nothing rebounds, Joseph et al. (2001)
@@ -31,7 +30,7 @@ def wet_over_dry(number: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class AmbientFluid:
+class AmbientFluid(Effect):
     """A sphere that falls through a liquid: normal restitution only, by the law found in experiments.
 
     The dry restitution and the friction of the contact are left as they are; mu must be that of the wet
@@ -41,9 +40,7 @@ class AmbientFluid:
     name: str = "fluid"
     title: str = "fluid"
     stage: Stage = "fluid"
-    replaces: Literal[""] = ""
     cost_ns: float = 11.0
-    numbers: tuple[ContactNumber, ...] = ()
     source: str = (
         "Legendre, Daniel & Guiraud (2005), Phys. Fluids 17, 097105; Joseph, Zenit, Hunt & Rosenwinkel "
         "(2001), J. Fluid Mech. 433, 329; Gondret, Lance & Petit (2002), Phys. Fluids 14, 643"

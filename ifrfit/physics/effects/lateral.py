@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
+from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage
 
 
 @dataclass(frozen=True)
-class LateralSpin:
+class LateralSpin(Effect):
     """Spin about the direction of motion, which turns the path in the plane of the wall.
 
     It is no choice of accuracy: it is on where any impact has such a spin.
@@ -22,18 +21,12 @@ class LateralSpin:
     name: str = "lateral-spin"
     title: str = "lateral spin"
     stage: Stage = "plane"
-    replaces: Literal[""] = ""
     cost_ns: float = 36.0
-    numbers: tuple[ContactNumber, ...] = ()
     source: str = "Doménech-Carbó (2023), appendix A2"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Nothing."""
         return ""
-
-    def validity(self, contact: Contact, impacts: Impacts) -> Validity:
-        """Holds always."""
-        return Validity()
 
     def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest |R omega_x|/u."""

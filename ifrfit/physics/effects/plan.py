@@ -1,10 +1,10 @@
-"""Which effects a scene calls for: each computed on a few hundred of its impacts, with and without."""
+"""Let effects act on impacts in their one order, and find out which of them a scene calls for."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,16 +12,85 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.compose import compose, with_effect
 from ifrfit.physics.effects.contact import Contact, Impacts
-from ifrfit.physics.effects.impact_state import Outcome
-from ifrfit.physics.effects.protocol import Criterion
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
+from ifrfit.physics.effects.protocol import ORDER, Criterion
 from ifrfit.physics.effects.registry import EFFECTS
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.rebound import Rebound, friction_impulse, rebound_with
 
 PILOT = 400  # impacts of the scene on which its plan is made, beside the extreme ones
 Requested = Literal["auto"] | tuple[str, ...]  # names of effects
 State = Literal["on", "off", "constant", "refused", "unknown"]
+
+
+def compose(contact: Contact, impacts: Impacts, on: Collection[str]) -> Outcome:
+    """Compute impacts with these effects and no others.
+
+    Parameters
+    ----------
+    contact : Contact
+    impacts : Impacts
+    on : collection of str
+        Names of effects.
+
+    Returns
+    -------
+    Outcome
+        Of the shape of the impacts.
+
+    Notes
+    -----
+    The order is plane of motion, normal restitution, adhesion, tangential law, rolling friction, fluid. So
+    friction presses with the normal impulse of the dry contact, adhesion included.
+    """
+    bounce = Bounce.before(impacts)
+    for stage in ORDER:
+        for name, effect in EFFECTS.items():
+            if name in on and effect.stage == stage:
+                bounce = effect.apply(contact, impacts, bounce)
+        if stage == "tangential":
+            bounce = _after_contact(contact, impacts, bounce)
+    return bounce.done
+
+
+def with_effect(names: Collection[str], more: str) -> list[str]:
+    """These effects and one more, which takes the place of any that replaces the same constant."""
+    same = EFFECTS[more].replaces
+    return [n for n in names if n != more and (not same or EFFECTS[n].replaces != same)] + [more]
+
+
+def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
+    """The closure's impulse, unless an effect has given one, and velocities and spins after it.
+
+    Without lateral spin components that are zero are not computed; the others are the same to the last bit.
+    """
+    k, sticking = bounce.impulse or _closure(contact, impacts, bounce)
+    incidence, e_n, j = bounce.incidence, bounce.e_n, contact.inertia_factor
+    if bounce.lateral:
+        state = rebound_with(incidence, k, sticking, e_n, j)
+    else:
+        push, none = k * incidence.slip_x, np.broadcast_to(0.0, k.shape)
+        state = Rebound(
+            v_x=incidence.sine - push,
+            v_y=none,
+            v_n=e_n * incidence.cosine,
+            spin_x=none,
+            spin_y=incidence.spin_y - push / j,
+            sticking=sticking,
+            impulse_factor=k,
+            incidence=incidence,
+            e_n=e_n,
+            inertia_factor=j,
+        )
+    return replace(bounce, outcome=Outcome(**vars(state), captured=bounce.captured, impulsive=state))
+
+
+def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> tuple[Array, NDArray[np.bool_]]:
+    if impacts.constant is None:
+        raise ValueError("the closure needs its constant where compliance is off")
+    kappa = friction_impulse(impacts.mu, bounce.e_n)
+    return impacts.closure.law(contact.inertia_factor).impulse(bounce.incidence, impacts.constant, kappa)
 
 
 @dataclass(frozen=True)

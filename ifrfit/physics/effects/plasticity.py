@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.physics.angles import Array
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage, Validity
 
 # contact pressure at which the softer body yields, Pa; materials may state it
 LIMITING_PRESSURE = ContactNumber("limiting_pressure", 1.0, 1e13, "GPa")
@@ -57,7 +57,7 @@ def unloading_radius(ratio: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Plasticity:
+class Plasticity(Effect):
     """Yield of the contact: Hertz up to the limiting pressure, constant pressure beyond, Hertz back."""
 
     name: str = "plasticity"

@@ -59,6 +59,7 @@ class Validity:
 class Effect(Protocol):
     """One effect: one file, one line of the registry, one test file.
 
+    A class that inherits from it has the usual answers where it gives none.
     The change of the observables is not the effect's to state: `ifrfit.physics.effects.plan` finds it by
     computing a few hundred of the scene's impacts with the effect and without it.
     """
@@ -78,10 +79,12 @@ class Effect(Protocol):
     @property
     def replaces(self) -> Literal["", "e_n", "tangential"]:
         """Which constant it takes the place of: e_n, or the closure's own one."""
+        return ""
 
     @property
     def numbers(self) -> tuple[ContactNumber, ...]:
         """What it needs to know of the contact beyond bodies and fluid: keys of a scene's table [contact]."""
+        return ()
 
     @property
     def cost_ns(self) -> float:
@@ -96,6 +99,7 @@ class Effect(Protocol):
 
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Whether its law holds here."""
+        return Validity()
 
     def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Its dimensionless number; `outcome` is the scene with every effect that can be computed."""

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage
 
 # coefficient mu_r of the resisting couple
 ROLLING_FRICTION = ContactNumber("rolling_friction", 0.0, 10.0)
 
 
 @dataclass(frozen=True)
-class Rolling:
+class Rolling(Effect):
     """A couple impulse of at most mu_r R |P_n| against the spin that the impact leaves; it never reverses it.
 
     R Omega falls by mu_r (1 + e_n) u_n/J. This option is ours; the equations of the paper that adds rolling
@@ -26,7 +25,6 @@ class Rolling:
     name: str = "rolling"
     title: str = "rolling"
     stage: Stage = "rolling"
-    replaces: Literal[""] = ""
     cost_ns: float = 22.0
     numbers: tuple[ContactNumber, ...] = (ROLLING_FRICTION,)
     source: str = "our own option: balance of angular momentum with a Coulomb-like couple"
@@ -34,10 +32,6 @@ class Rolling:
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Coefficient of rolling friction."""
         return contact.lacks(ROLLING_FRICTION, hertzian=False)
-
-    def validity(self, contact: Contact, impacts: Impacts) -> Validity:
-        """Holds by definition."""
-        return Validity()
 
     def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest mu_r/mu_app: change of spin by the couple over that by friction."""

@@ -10,7 +10,7 @@ import numpy as np
 from ifrfit.physics.angles import Array
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.effects.protocol import Criterion, Effect, Stage, Validity
 
 # A of the viscoelastic Hertz law, s
 DISSIPATION_TIME = ContactNumber("dissipation_time", 0.0, 1e3, "us")
@@ -43,7 +43,7 @@ def restitution(x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Viscoelastic:
+class Viscoelastic(Effect):
     """Hertz contact with a dissipative force in proportion to the rate of deformation."""
 
     name: str = "viscoelastic"

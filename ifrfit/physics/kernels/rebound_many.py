@@ -13,8 +13,7 @@ from ifrfit.errors import UsageError
 from ifrfit.physics.closure import Closure, rotational_share
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compiling import available
-from ifrfit.physics.compliance.law import Compliance
-from ifrfit.physics.compliance.table import compliance_table
+from ifrfit.physics.compliance.law import Compliance, compliance_table
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.rebound import closure_constant
 

@@ -1,9 +1,8 @@
 """Scenes: TOML files that say which impacts to simulate."""
 
-from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material, recognised
-from ifrfit.physics.scenes.quantities import Quantity
-from ifrfit.physics.scenes.reading import Surroundings, read_scene, read_surroundings
-from ifrfit.physics.scenes.scene import Scene
+from ifrfit.physics.scenes.bodies import FLUIDS, MATERIALS, Material, recognised
+from ifrfit.physics.scenes.reading import Scene, Surroundings, read_scene, read_surroundings
+from ifrfit.physics.scenes.toml_table import Quantity
 
 __all__ = [
     "FLUIDS",

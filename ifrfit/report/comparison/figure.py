@@ -1,9 +1,13 @@
-"""The figure of a comparison: data with each closure's line, residuals, evidence beside cross-validation."""
+"""The figure of a comparison, and the folder that holds it.
+
+Data with each closure's line, residuals, evidence beside cross-validation.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,12 +16,12 @@ from numpy.typing import NDArray
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
-from ifrfit.report.figures import MOST_COLUMNS
-from ifrfit.report.legend import series_label
-from ifrfit.report.plot_elements import Pen, draw_curve, handle
+from ifrfit.report.atomic_folder import Contents, deliver
+from ifrfit.report.figures import MOST_COLUMNS, series_label
+from ifrfit.report.panels import Pen, draw_curve, handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
-from ifrfit.report.style import GREY
+from ifrfit.report.style import GREY, save_svg_and_png
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +33,7 @@ Array = NDArray[np.float64]
 _DATA, _STRIP, _BAR = 2.2, 0.42, 0.16  # inches
 LINEAR = 5.0  # log Bayes factor up to which the axis is linear
 _LETTERS = 13.0  # of a title to an inch
+COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")
 
 
 def plot(comparison: Comparison) -> Figure:
@@ -211,3 +216,19 @@ def _legend(
 
 def _rows(points: pd.DataFrame, observable: str) -> pd.DataFrame:
     return points[(points["observable"] == observable) & points["gamma_deg"].notna()]
+
+
+def write_comparison(comparison: Comparison, out: Path, *, force: bool) -> list[str]:
+    """Write compare.json, compare.svg and compare.png into a folder, whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds an earlier comparison and `force` is not given, or nothing can be written there.
+    """
+
+    def fill(folder: Path) -> list[str]:
+        comparison.save(folder / COMPARISON.record)
+        return [COMPARISON.record, *save_svg_and_png(comparison.plot(), folder, "compare")]
+
+    return deliver(fill, Path(out), COMPARISON, force=force)

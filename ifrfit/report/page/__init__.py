@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ifrfit.report.page.assembly import assemble
 from ifrfit.report.page.batch import write_batch
-from ifrfit.report.page.writing import page, write_report
+from ifrfit.report.page.writing import assemble, page, write_report
 
 __all__ = ["assemble", "page", "write_batch", "write_report"]

@@ -11,15 +11,20 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report.page.assembly import title
 from ifrfit.report.page.blocks import Picture
-from ifrfit.report.page.drawings.intervals import draw_forest
 from ifrfit.report.page.html import asset, fill
-from ifrfit.report.page.verdict import verdict
-from ifrfit.report.page.writing import check_free, put, report_files
+from ifrfit.report.page.sections.constants import draw_forest
+from ifrfit.report.page.writing import check_free, put, report_files, title, verdict
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
-from ifrfit.report.rounding import by_series, labelled, plus_minus, span_text, value_text
-from ifrfit.report.sentences import closure_title, headline
+from ifrfit.report.sentences import (
+    by_series,
+    closure_title,
+    headline,
+    labelled,
+    plus_minus,
+    span_text,
+    value_text,
+)
 from ifrfit.text import fixed
 
 INDEX = "index.html"

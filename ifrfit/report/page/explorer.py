@@ -13,7 +13,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
-from ifrfit.report.page.drawings.canvas import shortened
+from ifrfit.report.page.charts.chart import shortened
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import at_true_angles
 from ifrfit.report.sentences import undetermined

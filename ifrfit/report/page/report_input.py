@@ -9,7 +9,7 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report.rounding import by_series
+from ifrfit.report.sentences import by_series
 
 
 @dataclass(frozen=True)

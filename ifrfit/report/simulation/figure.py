@@ -1,25 +1,33 @@
-"""The figure of a simulation: curves with bands, a map, or the spread of single impacts."""
+"""The figure of a simulation, and the folder that holds it, with what a layer above adds to it.
+
+Curves with bands, a map, or the spread of single impacts.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.io import json_text
 from ifrfit.report import style
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.figures import MOST_COLUMNS
-from ifrfit.report.panels import axis_label
-from ifrfit.report.plot_elements import Band, Curve, Pen, draw_curve, numbers
-from ifrfit.simulation.result import conditions, observed
+from ifrfit.report.panels import Band, Curve, Pen, axis_label, draw_curve, numbers
+from ifrfit.report.style import save_svg_and_png
+from ifrfit.simulation.simulate import conditions, observed
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ifrfit.simulation.result import Simulation
+    from ifrfit.simulation.simulate import Simulation
 
 STAND_IN = "STAND-IN"
 MOST_CURVES = 5  # more values of a second condition make a map
@@ -31,6 +39,10 @@ _LABELS = {
     "diameter_m": "diameter (m)",
 }
 _RATES = {"spin_x": "$\\omega_x$ (rad/s)", "spin_y": "$\\omega_y$ (rad/s)"}
+TABLES = ("rebounds.csv", "impacts.csv")
+FIGURES = ("simulation.svg", "simulation.png")
+SUPPLEMENTS = ("cost.csv", "cost.svg", "cost.png")  # of an earlier run: they go with what they belong to
+SIMULATION = Contents("simulation.json", (*TABLES, *FIGURES, *SUPPLEMENTS), "simulation")
 
 
 def drawable(simulation: Simulation) -> bool:
@@ -171,3 +183,66 @@ def _spread(axes: Axes, simulation: Simulation, name: str) -> None:
     axes.hist(value[there], bins="sqrt", color=style.COLOURS[0])
     axes.set_xlabel(axis_label(name))
     axes.set_ylabel("impacts")
+
+
+@dataclass(frozen=True)
+class Supplement:
+    """Lines, content and files beside those of the simulation itself.
+
+    Attributes
+    ----------
+    lines : sequence of str
+        For the terminal, after the plan of the effects.
+    content : mapping
+        Further keys of simulation.json.
+    write : callable
+        Writes its files into a folder and returns their names.
+    """
+
+    lines: Sequence[str]
+    content: Mapping[str, Any]
+    write: Callable[[Path], list[str]]
+
+
+def write_simulation(
+    simulation: Simulation, out: Path, *, force: bool, supplement: Supplement | None = None
+) -> list[str]:
+    """Write simulation.json, rebounds.csv, impacts.csv and the figure.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    out : Path
+    force : bool
+        Replace an earlier simulation.
+    supplement : Supplement, optional
+        Its content and files are written as well.
+
+    Returns
+    -------
+    list of str
+        Names of the files written.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds an earlier one and `force` is not given, or nothing can be written there.
+    """
+    return deliver(lambda folder: _fill(simulation, folder, supplement), Path(out), SIMULATION, force=force)
+
+
+def dumps(simulation: Simulation, supplement: Supplement | None = None) -> str:
+    """simulation.json as text, with the content of the supplement."""
+    content = simulation.to_dict() | dict({} if supplement is None else supplement.content)
+    return json_text.dumps(content)
+
+
+def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -> list[str]:
+    text = dumps(simulation, supplement)
+    (folder / SIMULATION.record).write_text(text, encoding="utf-8", newline="\n")
+    for name, table in zip(TABLES, (simulation.rebounds(), simulation.table()), strict=True):
+        table.to_csv(folder / name, index=False, lineterminator="\n")
+    names = [SIMULATION.record, *TABLES]
+    if drawable(simulation):
+        names += save_svg_and_png(plot(simulation), folder, "simulation")
+    return names if supplement is None else [*names, *supplement.write(folder)]

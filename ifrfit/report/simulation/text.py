@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING
@@ -11,13 +10,13 @@ from typing import TYPE_CHECKING
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import PlanLine
 from ifrfit.physics.scenes import Quantity
-from ifrfit.report.simulation.supplement import Supplement
-from ifrfit.report.terminal import WIDTH, aligned
+from ifrfit.report.simulation.figure import Supplement
+from ifrfit.report.terminal import aligned, wrapped
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ifrfit.simulation.result import Simulation
+    from ifrfit.simulation.simulate import Simulation
 
 MOST_ROWS = 30
 
@@ -41,7 +40,7 @@ def summary(simulation: Simulation, supplement: Supplement | None = None) -> str
     if alarms:
         names = ", ".join(line.title for line in alarms)
         them = "it matters" if len(alarms) == 1 else "they matter"
-        lines += [*_wrapped(f"LOOK  {names}: not computed, though {them} here. Details below.", "", 6), ""]
+        lines += [*wrapped(f"LOOK  {names}: not computed, though {them} here. Details below.", 6), ""]
     lines += _head(simulation)
     accuracy = simulation.plan.accuracy
     lines += [
@@ -54,7 +53,7 @@ def summary(simulation: Simulation, supplement: Supplement | None = None) -> str
     if supplement is not None:
         lines += [*supplement.lines, ""]
     lines += _curves(simulation)
-    lines += [part for note in simulation.notes for part in _wrapped(note, "  note  ", 8)]
+    lines += [part for note in simulation.notes for part in wrapped(note, 8, "  note  ")]
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")
 
 
@@ -73,7 +72,7 @@ def plan_text(line: PlanLine) -> list[str]:
     """
     state = {"on": "on", "off": "off", "constant": "off", "refused": "off", "unknown": "-"}[line.state]
     start = f"  {'LOOK' if line.alarm else state:<5} {line.title:<16}"
-    return _wrapped(_finding(line), start, len(start))
+    return wrapped(_finding(line), len(start), start)
 
 
 def _finding(line: PlanLine) -> str:
@@ -106,19 +105,19 @@ def _head(simulation: Simulation) -> list[str]:
     diameter = scene.conditions["diameter_m"]
     size = _length(diameter)
     speed = f"{quantity_text(scene.conditions['speed_m_s'])} m/s"
-    lines = _wrapped(what, "", 4)
-    lines += _wrapped(", ".join(part for part in (bodies, size, speed) if part), "  ", 4)
+    lines = wrapped(what, 4)
+    lines += wrapped(", ".join(part for part in (bodies, size, speed) if part), 4, "  ")
     constants = [f"{name} = {quantity_text(q)}" for name, q in scene.constants.items()]
     if scene.result is not None:
         constants = [f"posterior draws of {scene.result.name}"]
     law = f"closure {get_closure(simulation.closure).title}"
     if "compliance" in simulation.plan.on:
         law = "tangential compliance"
-    lines += _wrapped(f"{law}: {', '.join(constants)}", "  ", 4)
+    lines += wrapped(f"{law}: {', '.join(constants)}", 4, "  ")
     counts = f"{sticking} stick, {count - sticking - captured} slide"
     if captured:
         counts += f", {captured} {'is' if captured == 1 else 'are'} captured"
-    return [*lines, *_wrapped(f"{count} impacts, simulated: {counts}", "  ", 4)]
+    return [*lines, *wrapped(f"{count} impacts, simulated: {counts}", 4, "  ")]
 
 
 def _length(diameter: Quantity) -> str:
@@ -176,9 +175,3 @@ def _column(table: pd.DataFrame) -> list[str]:
 
 def _amount(number: float) -> str:
     return "infinite" if math.isinf(number) else f"{number:.2g}"
-
-
-def _wrapped(text: str, start: str, hang: int) -> list[str]:
-    return textwrap.wrap(
-        text, WIDTH, initial_indent=start, subsequent_indent=" " * hang, break_on_hyphens=False
-    )

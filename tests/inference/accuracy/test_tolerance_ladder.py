@@ -9,7 +9,7 @@ import pytest
 
 import ifrfit
 from ifrfit import Automatic
-from ifrfit.cost.compared_estimates import largest_errors, of_distribution
+from ifrfit.cost.inference_costs import largest_errors, of_distribution
 from ifrfit.inference.accuracy.request import make_request
 from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
 from ifrfit.inference.posterior import integrate

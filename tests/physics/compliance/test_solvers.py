@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.compliance import METHODS, chi_of, poisson_ratio, rebound_ratio
-from ifrfit.physics.compliance.table import compliance_table
+from ifrfit.physics.compliance.law import compliance_table
 
 NU_03 = float(chi_of(0.3))
 

@@ -13,8 +13,7 @@ from ifrfit.errors import UsageError
 from ifrfit.physics import compiling, get_closure
 from ifrfit.physics.angles import Incidence, sincos
 from ifrfit.physics.closures import CLOSURES as REGISTRY
-from ifrfit.physics.compliance.memory import _collision, _steps, memory_ratio
-from ifrfit.physics.compliance.table import compliance_table
+from ifrfit.physics.compliance.solvers import _collision, _steps, memory_ratio
 from ifrfit.physics.kernels import available, has_loop, rebound_many
 from ifrfit.physics.rebound import rebound_of
 
@@ -104,23 +103,6 @@ def test_refusals() -> None:
         rebound_many(sine, cosine, s_y, **call("ifr"), out=[sine])
     with pytest.raises(UsageError, match="Closure IFR needs e_t"):
         rebound_many(sine, cosine, s_y, e_n=0.9, mu=0.1)
-
-
-@needs_numba
-def test_compiled_table_equals_the_plain_one() -> None:
-    rng, table = np.random.default_rng(2), compliance_table()
-    psi1, chi = rng.uniform(0.0, 12.0, (200, 30)), rng.uniform(0.65, 3.0, (200, 1))
-    psi1[0, 0], chi[1, 0] = np.nan, np.nan
-    for c in (chi, np.broadcast_to(chi, psi1.shape), np.array(1.44)):
-        plain, fast = table.beta(psi1, c), table.beta_of_many(psi1, c)
-        assert (np.isnan(plain) == np.isnan(fast)).all()
-        assert np.nanmax(np.abs(plain - fast)) < 1e-15
-    law = get_closure("maw").law(0.4)
-    assert law.for_many(1000) is law
-    incidence = Incidence.of(np.linspace(1.0, 89.0, 30), degrees=True)
-    k, sticks = law.for_many(10**8).impulse(incidence, 1.44, 0.2)
-    assert np.abs(k - law.impulse(incidence, 1.44, 0.2)[0]).max() < 1e-15
-    assert 0 < sticks.sum() < 30
 
 
 def test_without_numba(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
 from ifrfit.report.page.charts.chart import Bars, Box, Points
-from ifrfit.report.page.drawings.closures import draw_closures
+from ifrfit.report.page.sections.closures import draw_closures
 from ifrfit.report.page.svg import inline
 
 

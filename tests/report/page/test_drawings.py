@@ -14,14 +14,13 @@ from scipy import ndimage, stats
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.charts.chart import Band, Box, Line, Points, Words
-from ifrfit.report.page.drawings.checks import draw_checks
-from ifrfit.report.page.drawings.corner import Regions, contours, draw_corner, regions, smoothed
-from ifrfit.report.page.drawings.directions import Directions, draw_directions, share_text
-from ifrfit.report.page.drawings.intervals import Span, draw_forest, draw_intervals
-from ifrfit.report.page.drawings.profiles import draw_profile
-from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles, quantile_band
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.page.sections.identifiability import directions
+from ifrfit.report.page.sections.constants import Span, draw_forest, draw_intervals
+from ifrfit.report.page.sections.identifiability import Directions, directions, draw_directions, share_text
+from ifrfit.report.page.sections.posterior import Regions, contours, draw_corner, regions, smoothed
+from ifrfit.report.page.sections.predictive import draw_checks
+from ifrfit.report.page.sections.profiles import draw_profile
+from ifrfit.report.page.sections.residuals import draw_against, draw_quantiles, quantile_band
 from ifrfit.report.page.svg import inline
 from ifrfit.report.style import drawing, new_figure, series_styles, svg_text
 

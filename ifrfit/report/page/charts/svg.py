@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from typing import Literal
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from ifrfit.report.page.charts.chart import (
     Points,
     Words,
 )
-from ifrfit.report.page.charts.markers import SHAPES
 from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.charts.typesetting import content, width
 from ifrfit.report.style import Dashes
@@ -44,6 +44,20 @@ _BASELINE = {"top": 0.76, "middle": 0.36, "bottom": -0.1}
 _LINE = 1.2  # of text, over its size
 # points of a legend: a handle, before its label, between entries
 _HANDLE, _BESIDE, _BETWEEN = 16.0, 4.0, 10.0
+# within -1 ... 1, named as matplotlib names them; y points down
+SHAPES = {
+    "o": "M-1 0a1 1 0 1 0 2 0a1 1 0 1 0-2 0z",
+    "s": "M-1-1H1V1H-1z",
+    "^": "M0-1L1 1H-1z",
+    "v": "M0 1L-1-1H1z",
+    "<": "M-1 0L1-1V1z",
+    ">": "M1 0L-1 1V-1z",
+    "D": "M0-1.41L1.41 0 0 1.41-1.41 0z",
+    "P": "M-.34-1H.34V-.34H1V.34H.34V1H-.34V.34H-1V-.34H-.34z",
+    "X": "M-.5-1L0-.5.5-1 1-.5.5 0 1 .5.5 1 0 .5-.5 1-1 .5-.5 0-1-.5z",
+    "h": "M0-1L.87-.5V.5L0 1-.87.5V-.5z",
+    "x": "M-1-1L1 1M-1 1L1-1",
+}
 
 
 def svg(chart: Chart, name: str, *, attributes: Mapping[str, str] | None = None, head: str = "") -> str:
@@ -194,7 +208,7 @@ class _Writer:
         words += self.across(panel.x, across, frame) + self.upwards(panel.y, upwards, frame)
         if panel.title:
             middle = 0.5 * (frame.left + frame.right)
-            words.append(_text(middle, frame.top - GAP, panel.title, TITLE_LETTERS, height="bottom"))
+            words.append(_text(Words(middle, frame.top - GAP, panel.title, TITLE_LETTERS, height="bottom")))
         return "".join(words)
 
     def across(self, axis: Axis, ticks: Ticks, frame: _Frame) -> list[str]:
@@ -204,7 +218,7 @@ class _Writer:
         if axis.labelled:
             low, high = (frame.left, frame.right) if axis.inside else (0.0, self.chart.width * POINTS_PER_MM)
             found = [
-                _text(x, place, label, TICK_LETTERS, height="top")
+                _text(Words(x, place, label, TICK_LETTERS, height="top"))
                 for x, label in zip(
                     _kept_within(frame.x(ticks.places), ticks.labels, low, high).tolist(),
                     ticks.labels,
@@ -215,11 +229,11 @@ class _Writer:
             place += 1.3 * TICK_LETTERS
         if ticks.note and axis.labelled:
             written.append(
-                _text(frame.right, place, ticks.note, 0.9 * TICK_LETTERS, anchor="end", height="top")
+                _text(Words(frame.right, place, ticks.note, 0.9 * TICK_LETTERS, anchor="end", height="top"))
             )
         if axis.label:
             middle = 0.5 * (frame.left + frame.right)
-            written.append(_text(middle, place + 0.8, axis.label, LABEL_LETTERS, height="top"))
+            written.append(_text(Words(middle, place + 0.8, axis.label, LABEL_LETTERS, height="top")))
         return written
 
     def upwards(self, axis: Axis, ticks: Ticks, frame: _Frame) -> list[str]:
@@ -227,9 +241,9 @@ class _Writer:
         side = frame.right + GAP if axis.is_far else frame.left - GAP
         written, longest = [], 0.0
         if axis.labelled:
-            anchor = "start" if axis.is_far else "end"
+            anchor: Literal["start", "end"] = "start" if axis.is_far else "end"
             found = [
-                _text(side, y, label, TICK_LETTERS, anchor=anchor)
+                _text(Words(side, y, label, TICK_LETTERS, anchor=anchor))
                 for y, label in zip(frame.y(ticks.places).tolist(), ticks.labels, strict=True)
             ]
             written.append(f"<g>{''.join(found)}</g>")
@@ -237,18 +251,22 @@ class _Writer:
             if ticks.note:
                 top = frame.top - 2.0
                 written.append(
-                    _text(frame.left, top, ticks.note, 0.9 * TICK_LETTERS, anchor="start", height="bottom")
+                    _text(
+                        Words(
+                            frame.left, top, ticks.note, 0.9 * TICK_LETTERS, anchor="start", height="bottom"
+                        )
+                    )
                 )
         if axis.label and axis.label_turned:
             lines = axis.label.split("\n")
             place = side - longest - 0.5 * LABEL_LETTERS - 3.5 - (len(lines) - 1) * _LINE * LABEL_LETTERS
             middle = 0.5 * (frame.top + frame.bottom)
             for line in lines:
-                written.append(_text(place, middle, line, LABEL_LETTERS, turn=90.0))
+                written.append(_text(Words(place, middle, line, LABEL_LETTERS, turn=90.0)))
                 place += _LINE * LABEL_LETTERS
         elif axis.label:
             middle, size = 0.5 * (frame.top + frame.bottom), 6.0
-            written.append(_text(side - longest - 3.0, middle, axis.label, size, anchor="end"))
+            written.append(_text(Words(side - longest - 3.0, middle, axis.label, size, anchor="end")))
         return written
 
     # marks
@@ -265,18 +283,7 @@ class _Writer:
         if isinstance(mark, Points):
             return self.points(mark, frame.x(mark.x), frame.y(mark.y))
         assert isinstance(mark, Words)
-        return _text(
-            float(frame.x(mark.x)),
-            float(frame.y(mark.y)),
-            mark.text,
-            mark.size,
-            colour=mark.colour,
-            anchor=mark.anchor,
-            height=mark.height,
-            turn=mark.turn,
-            is_bold=mark.is_bold,
-            opacity=mark.opacity,
-        )
+        return _text(replace(mark, x=float(frame.x(mark.x)), y=float(frame.y(mark.y))))
 
     def box(self, box: Box, frame: _Frame) -> str:
         left, right, top, bottom = frame.box(box)
@@ -331,7 +338,7 @@ class _Writer:
             for entry in entries:
                 written.append(self.handle(entry, x, y))
                 x += _HANDLE + _BESIDE
-                written.append(_text(x, y, entry.label, legend.LETTERS, anchor="start"))
+                written.append(_text(Words(x, y, entry.label, legend.LETTERS, anchor="start")))
                 x += width(entry.label, legend.LETTERS) + _BETWEEN
         return f"<g>{''.join(written)}</g>"
 
@@ -452,34 +459,22 @@ def _dashes(dashes: Dashes, line_width: float) -> str:
     return f' stroke-dasharray="{scaled}"' if scaled else ""
 
 
-def _text(
-    x: float,
-    y: float,
-    text: str,
-    size: float,
-    *,
-    colour: str = "#000",
-    anchor: str = "middle",
-    height: str = "middle",
-    turn: float = 0.0,
-    is_bold: bool = False,
-    opacity: float = 1.0,
-) -> str:
-    """A text in one or more lines; the whole of them stands at y as `height` says."""
-    lines = text.split("\n")
-    rise = {"top": 0.0, "middle": 0.5, "bottom": 1.0}[height] * (len(lines) - 1) * _LINE * size
+def _text(words: Words) -> str:
+    """A text in one or more lines at a place on the chart: the whole of them stands at y as `height` says."""
+    size, turn = words.size, words.turn
+    lines = words.text.split("\n")
+    rise = {"top": 0.0, "middle": 0.5, "bottom": 1.0}[words.height] * (len(lines) - 1) * _LINE * size
+    look = "" if words.colour == "0" else f' fill="{hexadecimal(words.colour)}"'
+    look += "" if words.anchor == "start" else f' text-anchor="{words.anchor}"'
+    look += ' font-weight="bold"' if words.is_bold else ""
+    look += _opacity(words.opacity)
     written = []
     for i, line in enumerate(lines):
-        shift = _BASELINE[height] * size - rise + i * _LINE * size
+        x, y, shift = words.x, words.y, _BASELINE[words.height] * size - rise + i * _LINE * size
         place = (
             f'transform="translate({number(x)} {number(y)})rotate({number(-turn)})" y="{number(shift)}"'
             if turn
             else f'x="{number(x)}" y="{number(y + shift)}"'
         )
-        look = "" if colour == "#000" else f' fill="{hexadecimal(colour)}"'
-        look += "" if anchor == "start" else f' text-anchor="{anchor}"'
-        look += ' font-weight="bold"' if is_bold else ""
-        written.append(
-            f'<text {place} font-size="{number(size)}"{look}{_opacity(opacity)}>{content(line, size)}</text>'
-        )
+        written.append(f'<text {place} font-size="{number(size)}"{look}>{content(line, size)}</text>')
     return "".join(written)

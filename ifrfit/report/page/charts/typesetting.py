@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
+from itertools import groupby
 
 SUBSCRIPT = 0.72  # size of sub- and superscripts
 LOWERED, RAISED = 0.22, -0.38  # by shares of the size
@@ -50,9 +51,11 @@ def runs(text: str) -> list[Run]:
 
 
 def _mathematics(latex: str) -> list[Run]:
+    """Neighbours of the same look are one."""
     found: list[Run] = []
     _group(_TOKEN.finditer(latex), 0, False, found)
-    return _joined(found)
+    looks = groupby(found, key=lambda run: (run.is_slanted, run.level))
+    return [Run("".join(run.text for run in several), *look) for look, several in looks]
 
 
 def _group(tokens: Iterator[re.Match[str]], level: int, is_upright: bool, found: list[Run]) -> None:
@@ -88,17 +91,6 @@ def _letters(token: re.Match[str], is_upright: bool) -> tuple[str, bool]:
         return "\u2009", False
     letter = token["one"].replace("-", "−")
     return letter, letter.isalpha() and not is_upright
-
-
-def _joined(several: list[Run]) -> list[Run]:
-    """Neighbours of the same look as one."""
-    found: list[Run] = []
-    for run in several:
-        if found and (found[-1].is_slanted, found[-1].level) == (run.is_slanted, run.level):
-            found[-1] = Run(found[-1].text + run.text, run.is_slanted, run.level)
-        else:
-            found.append(run)
-    return found
 
 
 def width(text: str, size: float) -> float:

@@ -8,10 +8,9 @@ from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.report.page.blocks import Block, Paragraph, Table
-from ifrfit.report.page.phrases import sentence
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.sentences import scene_notes
+from ifrfit.report.sentences import scene_notes, sentence
 from ifrfit.text import p_text
 
 # what a misfit may be instead of an effect

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ifrfit.report.page.blocks import Block, Findings, Paragraph
-from ifrfit.report.page.phrases import sentence
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import STAND_IN, kinds_of, source_sentences
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.sentences import assumed_line, findings, misfit_line, model_line
+from ifrfit.report.sentences import assumed_line, findings, misfit_line, model_line, sentence
 
 
 def build(given: ReportInput) -> Sequence[Block]:

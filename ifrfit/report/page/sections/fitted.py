@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from ifrfit.report.figures import plot
 from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures
 from ifrfit.report.page.explorer import payload, reason_without_panel
-from ifrfit.report.page.phrases import stand_in_words
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
+from ifrfit.report.provenance import stand_in_words
 from ifrfit.report.regimes import regime_lines
 from ifrfit.text import joined
 

@@ -1,17 +1,21 @@
-"""Posterior predictive checks."""
+"""Posterior predictive checks, and their p-values on one axis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Table
-from ifrfit.report.page.drawings.checks import draw_checks
-from ifrfit.report.page.phrases import sentence
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Line, Mark, Points, Words, lines_panel
+from ifrfit.report.page.charts.scales import Logarithmic
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.sentences import CHECKS
+from ifrfit.report.sentences import CHECKS, sentence
+from ifrfit.report.style import COLOURS, GREY
 from ifrfit.text import p_text
 
 MEANING = {
@@ -20,6 +24,7 @@ MEANING = {
     "largest": "whether the largest residual is larger than chance allows",
     "share": "whether as many rows as should lie inside the 95 % band",
 }
+LEAST = 1e-6  # smaller ones are drawn at the edge
 
 
 def build(given: ReportInput) -> Sequence[Block]:
@@ -51,6 +56,25 @@ def _verdict(p: Any) -> str:
     if p is None:
         return "not applicable"
     return "ok" if p >= REFUTED else "fails"
+
+
+def draw_checks(p: Mapping[str, float]) -> Chart:
+    """Each p-value over a logarithmic axis; what lies in the shade fails."""
+    marks: list[Mark] = [
+        Box((LEAST, REFUTED), (-math.inf, math.inf), COLOURS[1], 0.15),
+        Words(0.8 * REFUTED, len(p) - 0.1, "fails", colour=GREY, anchor="end", height="bottom"),
+    ]
+    for place, value in enumerate(p.values()):
+        fails = value < REFUTED
+        colour = COLOURS[1] if fails else COLOURS[0]
+        marker = "<" if value < LEAST else "X" if fails else "o"
+        at = np.array([float(place)])
+        marks += [
+            Line(np.array([LEAST, 1.0]), np.repeat(at, 2), "0.85", 0.6),
+            Points(np.array([max(value, LEAST)]), at, marker, 6.0, colour, colour, is_clipped=False),
+        ]
+    x = Axis(LEAST, 10.0**0.1, "p", Logarithmic(), most=7)
+    return lines_panel(list(p), x, marks, 110.0, 42.0, below=0.5)
 
 
 SECTION = ReportSection("predictive", "Posterior predictive checks", build)

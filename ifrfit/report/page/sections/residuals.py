@@ -1,17 +1,29 @@
-"""Residuals from three sides."""
+"""Residuals from three sides: against angle, against order, and against normal quantiles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Block, Picture, Pictures
-from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles
-from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Points, one_panel
+from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
+from ifrfit.report.panels import RESIDUAL_SIZE, is_outlier, look_of, residual_limits, sticks
+from ifrfit.report.provenance import stand_in_words
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.95
+SIGMAS = Ticks((-2.0, 0.0, 2.0), ("−2", "0", "2"))
+FEW_SIGMAS = 6.0  # up to here an axis of residuals has ticks at 2 sigma only
+MARGIN = 0.05  # beside the data, by shares of their range
 
 
 def build(given: ReportInput) -> Sequence[Block] | None:
@@ -59,6 +71,81 @@ def build(given: ReportInput) -> Sequence[Block] | None:
         f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
     return (Pictures(tuple(pictures), caption),)
+
+
+def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, label: str) -> Chart:
+    """Standardised residuals of every row against something, series by series.
+
+    Parameters
+    ----------
+    result : FitResult
+    styles : mapping of str to SeriesStyle
+        Of each series.
+    x : ndarray, (n,)
+        Of each row of the points; rows where it is nan are left out.
+    label : str
+        Of the axis.
+    """
+    z = result.points["standardised"].to_numpy(dtype=float)
+    known = x[np.isfinite(x)]
+    room = MARGIN * float(np.ptp(known)) or 1.0
+    ends = np.array([known.min() - room, known.max() + room])
+    level = [Line(ends, np.zeros(2), GREY, 0.7)]
+    level += [Line(ends, np.full(2, sigma), GREY, 0.7, RESIDUAL_DASHES) for sigma in (-2.0, 2.0)]
+    low, high = residual_limits(z[np.isfinite(x)])
+    y = Axis(low, high, "residual (σ)", ticks=SIGMAS if high < FEW_SIGMAS else None)
+    marks: list[Mark] = [*level, *_marked(result, styles, x, RESIDUAL_SIZE * look_of(len(x)).size)]
+    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=True), y, marks)
+
+
+def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
+    """Ordered standardised residuals against the quantiles of the normal law, with 95 % of each order."""
+    from scipy.special import ndtri
+
+    z = result.points["standardised"].to_numpy(dtype=float)
+    n = z.size
+    expected = np.empty(n)
+    expected[np.argsort(z, kind="stable")] = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))
+    order = np.sort(expected)
+    end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
+    ends = np.array([-end, end])
+    marks: list[Mark] = [
+        Band(order, *quantile_band(n), "0.5", 0.2),
+        Line(ends, ends, GREY, 0.8),
+        *_marked(result, styles, expected, look_of(n).size),
+    ]
+    x = Axis(-end, end, "normal quantile (σ)", most=7)
+    return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)", most=7), marks)
+
+
+def quantile_band(n: int) -> tuple[Array, Array]:
+    """Where 95 % of each order statistic of n normal numbers lie, lowest first, (n,) each.
+
+    The i-th of n uniform numbers has the beta law with i and n + 1 - i.
+    """
+    from scipy.special import betaincinv, ndtri
+
+    i = np.arange(1.0, n + 1.0)
+    tail = 0.5 * (1.0 - LEVEL)
+    low, high = (ndtri(betaincinv(i, n + 1.0 - i, p)) for p in (tail, 1.0 - tail))
+    return np.asarray(low), np.asarray(high)
+
+
+def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: float) -> list[Points]:
+    """Residuals of each series over finite x: open where they stick, ringed where they lie out."""
+    rows = result.points
+    z, lies_out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
+    sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
+    found = []
+    for name, own in styles.items():
+        at = (rows["series"] == name).to_numpy() & np.isfinite(x)
+        for chosen, fill in ((at & sticking, "#fff"), (at & ~sticking, own.colour)):
+            if chosen.any():
+                found.append(Points(x[chosen], z[chosen], own.marker, size, fill, own.colour))
+    at = lies_out & np.isfinite(x)
+    if at.any():
+        found.append(Points(x[at], z[at], "o", 8.5, "none", "#000", 0.9, is_clipped=False))
+    return found
 
 
 SECTION = ReportSection("residuals", "Residuals", build)

@@ -24,9 +24,8 @@ from ifrfit.report.page.charts.chart import (
     Points,
     Words,
 )
-from ifrfit.report.page.charts.markers import SHAPES
 from ifrfit.report.page.charts.scales import Logarithmic, Ticks
-from ifrfit.report.page.charts.svg import POINTS_PER_MM, TICK_LETTERS, chosen_ticks, hexadecimal, svg
+from ifrfit.report.page.charts.svg import POINTS_PER_MM, SHAPES, TICK_LETTERS, chosen_ticks, hexadecimal, svg
 from ifrfit.report.page.charts.typesetting import width
 from ifrfit.report.style import MARKERS
 
@@ -154,11 +153,11 @@ def test_charts_need_no_matplotlib():
     code = (
         "import sys, numpy as np\n"
         "from ifrfit.report.page.blocks import Picture\n"
-        "from ifrfit.report.page.drawings import checks, closures, corner, directions\n"
-        "from ifrfit.report.page.drawings import intervals, profiles, residuals\n"
+        "from ifrfit.report.page.registries import SECTIONS\n"
+        "from ifrfit.report.page.sections.posterior import draw_corner\n"
         "from ifrfit.report.page.svg import inline\n"
         "draws = np.random.default_rng(0).standard_normal((2, 500))\n"
-        "chart = corner.draw_corner({'e_n': draws[0], 'mu': draws[1]}, {})\n"
+        "chart = draw_corner({'e_n': draws[0], 'mu': draws[1]}, {})\n"
         "assert inline(Picture('corner', 'Corner', '', chart)).startswith('<svg')\n"
         "print([name for name in sys.modules if name.partition('.')[0] in ('matplotlib', 'PIL')])\n"
     )
