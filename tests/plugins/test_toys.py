@@ -151,15 +151,6 @@ def test_tables_write_the_constant_in_latex(fits: dict[str, Any]) -> None:
     assert r"$\eta$ & $0.6" in fits["bend"].summary(style="latex")
 
 
-@pytest.mark.parametrize("name", ["grip", "bend"])
-def test_a_result_goes_to_a_file_and_back(fits: dict[str, Any], folder: Path, name: str) -> None:
-    path = folder / f"{name}.json"
-    fits[name].save(path)
-    again = ifrfit.load_result(path)
-    assert again.constants == fits[name].constants
-    assert again.summary() == fits[name].summary()
-
-
 def test_all_closures_are_compared(folder: Path) -> None:
     found = ifrfit.compare(table(folder, GRIP), fix={"e_n": 0.9}, noise="known", loo=False)
     assert list(found.entries) == list(CLOSURES)
