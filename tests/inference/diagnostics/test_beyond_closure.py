@@ -9,7 +9,6 @@ from ifrfit import fit
 from ifrfit.physics import rebound
 
 ANGLES = np.linspace(8.0, 50.0, 12)
-SUPERBALL = "gamma_deg,e_n,sigma_e_n,beta,sigma_beta\n25,0.78,0.01,0.49,0.03\n"
 
 
 def table(path, value, observable="beta", sigma=0.02):
@@ -53,16 +52,6 @@ def test_a_contact_point_faster_than_before_gains_energy(tmp_path, closure):
 def test_the_wrong_sign_of_beta_may_lie_below_every_closure(tmp_path):
     found = fit(table(tmp_path / "t.csv", noisy(-1.2)), method="lsq", fix={"e_n": 0.8})
     assert "look at signs and at the angle's origin" in found.facts["beyond_closure"].says
-
-
-def test_one_impact_of_a_superball_refutes_closure_f_first(tmp_path):
-    """Superball on granite at 25 degrees: e 0.78, e_x 0.49 (Cross 2010, Table I)."""
-    path = tmp_path / "t.csv"
-    path.write_text(SUPERBALL, encoding="utf-8")
-    found = fit(path, closure="f", method="lsq")
-    assert found.summary().startswith("LOOK  readings lie beyond what the closure can give; ")
-    for closure in ("ifr", "fr", "ifr-contact"):
-        assert "beyond_closure" not in fit(path, closure=closure, method="lsq").facts
 
 
 def test_a_single_outlier_among_many_is_an_outlier(tmp_path):

@@ -33,16 +33,6 @@ def named(path):
 
 
 @pytest.mark.parametrize("seeds", rest_long((2, 4)))
-def test_clipped_values_are_named(tmp_path, seeds):
-    for seed in range(seeds):
-        path = table(tmp_path / "t.csv", seed, lambda b, e: (np.minimum(b, 0.55), e))
-        found = fit(path, method="lsq")
-        says = found.facts["censoring"].says
-        assert "values of beta are 0.55 exactly, the largest of all" in says
-        assert found.summary().startswith("LOOK  values look clipped")
-
-
-@pytest.mark.parametrize("seeds", rest_long((2, 4)))
 def test_readings_of_e_n_that_end_at_1_are_named(tmp_path, seeds):
     for seed in range(seeds):
         path = table(tmp_path / "t.csv", seed, lambda b, e: (b, np.minimum(e, 1.0)), e_n=0.96, e_n_noise=0.05)

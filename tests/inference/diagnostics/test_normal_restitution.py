@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from factories import impacts_file
 
 from ifrfit import fit
@@ -38,26 +37,11 @@ def restitution(path, **choices):
     return fit(path, method="lsq", **choices).facts["normal_restitution"]
 
 
-@pytest.mark.parametrize("sigma", [None, 0.01])
-def test_readings_that_fall_with_the_angle_are_not_one_value(tmp_path, sigma):
-    found = restitution(table(tmp_path / "t.csv", 0.95 - 0.35 * ANGLES / 80.0, sigma=sigma))
-    assert not found.ok
-    assert "degrees" in found.says
-    assert found.figures["p"] < 1e-6
-
-
 def test_readings_that_fall_with_the_speed_are_not_one_value(tmp_path):
     speed = np.random.default_rng(1).permutation(np.geomspace(0.5, 10.0, ANGLES.size))
     found = restitution(table(tmp_path / "t.csv", 0.95 - 0.06 * np.log(speed), speed=speed))
     assert not found.ok
     assert "m/s" in found.says
-
-
-@pytest.mark.parametrize("sigma", [None, 0.01])
-def test_readings_contradict_a_fixed_value(tmp_path, sigma):
-    found = restitution(table(tmp_path / "t.csv", 0.9, sigma=sigma), fix={"e_n": 0.5})
-    assert not found.ok
-    assert "fixed at 0.5" in found.says
 
 
 def test_readings_contradict_a_prior(tmp_path):
@@ -140,12 +124,3 @@ def test_yield_is_still_called_yield(tmp_path):
     assert "p_laws_of_speed" not in fact.figures
     assert "yield" not in fact.says
     assert found.facts["effects"].figures["called"][0] == "plasticity"
-
-
-def test_faceted_rocks_are_refuted_for_their_shape():
-    """75 real blocks of limestone on concrete, whose e_n rises from 0.37 to beyond 1 with the angle."""
-    found = fit("wang-2018-limestone", method="lsq")
-    assert found.summary().startswith("LOOK  the readings of e_n contradict what is taken of them")
-    assert "a shape that is not round does, as of faceted rocks" in found.facts["normal_restitution"].says
-    assert "effects" not in found.facts
-    assert "yield, which" not in found.summary()

@@ -156,16 +156,3 @@ def test_lengths_along_the_wall_to_another_scale_stand_beside_the_spins(size):
     assert "pixels are squares" in fact.says
     found = fact.figures["tests"]["scale-along-wall"]
     assert abs(found["size"] - size) < 3.0 * found["sd"]
-
-
-def test_a_restitution_of_energies_is_told_by_its_square(tmp_path):
-    gamma = np.linspace(4.0, 80.0, 40)
-    made = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.85, mu=0.14)
-    rng = np.random.default_rng(1)
-    energy = np.asarray(made.beta_tot) ** 2 + 0.01 * rng.standard_normal(gamma.size)
-    path = tmp_path / "a.csv"
-    rows = (f"{g:.3f},{e:.5f}" for g, e in zip(gamma, energy, strict=True))
-    path.write_text("\n".join(("gamma_deg,beta_tot", *rows)), encoding="utf-8")
-    fact = fit(path, method="lsq").facts["slips"]
-    assert fact.figures["called"][0] == "squared beta_tot", fact.says
-    assert "take the square root of beta_tot" in fact.says

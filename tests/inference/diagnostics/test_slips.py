@@ -175,35 +175,6 @@ def test_the_option_that_is_named_mends_it(tmp_path, header, gamma, value, optio
     assert mended.facts["lack_of_fit"].ok
 
 
-def test_an_inertia_factor_is_that_of_a_body():
-    result = fitted(RAW, Cause("inertia-factor", 2.0 / 3.0), 2)
-    assert "(thin hollow ball 0.6667)" in result.facts["slips"].says
-    assert "--inertia-factor 0.6667" in result.facts["slips"].says
-    data = experiment(RAW, Cause("inertia-factor", 2.0 / 3.0), 2)
-    assert fit(data, method="lsq", independent=True, inertia_factor=2.0 / 3.0).facts["slips"].ok
-
-
-def test_zeros_that_stand_for_nothing_are_named_by_their_lines():
-    result = fitted(BETA, Cause("zero-for-missing beta", 2), 4)
-    table = result.problem.observations.table
-    lines = table["row"][table["value"] == 0.0].tolist()
-    says = result.facts["slips"].says
-    assert says.endswith("empty these cells, or " + " ".join(f"--exclude {line}" for line in lines))
-
-
-def test_series_that_differ_are_no_slip():
-    """Two walls of another mu: pooling says it, neither a slip nor friction by speed."""
-    one, other = (experiment(RAW, Cause(), seed).table for seed in (1, 2))
-    other["series"] = "other"
-    other["impact_id"] = "b" + other["impact_id"]
-    import pandas as pd
-
-    data = type(experiment(RAW, Cause(), 1))(pd.concat((one, other), ignore_index=True))
-    facts = fit(data, method="lsq", independent=True).facts
-    assert not facts["pooling"].ok
-    assert "effects" not in facts
-
-
 @pytest.mark.parametrize(
     ("cause", "flaw"),
     [
