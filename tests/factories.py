@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,12 @@ def impacts_file(path: Path, *parts: dict[str, Any]) -> Path:
     """Write a CSV of impacts, each part with the arguments of `impacts_text`; the path."""
     rows = [row for part in parts for row in impacts_text(**part)]
     path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def table_file(path: Path, columns: Mapping[str, Any] | pd.DataFrame, digits: str | None = None) -> Path:
+    """Write a table, its numbers in full or by a format such as %.6f; the path."""
+    pd.DataFrame(columns).to_csv(path, index=False, float_format=digits)
     return path
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from hard_cases.case import command
 from scipy import stats
 
@@ -46,9 +46,7 @@ def readings(
 
 
 def fitted(folder, table, **options):
-    path = folder / "impacts.csv"
-    table.to_csv(path, index=False)
-    return fit(path, **({"method": "lsq"} | options))
+    return fit(table_file(folder / "impacts.csv", table), **({"method": "lsq"} | options))
 
 
 def effective(fact, policy=None):
@@ -133,8 +131,7 @@ def test_words_for_what_the_remedy_needs(tmp_path):
 
 
 def test_a_closure_is_not_refuted_for_them(tmp_path):
-    path = tmp_path / "impacts.csv"
-    readings(1.2, 1, sigma=True).to_csv(path, index=False)
+    path = table_file(tmp_path / "impacts.csv", readings(1.2, 1, sigma=True))
     found = compare(path, ["f", "ifr"], loo=False).verdict
     assert "the law need not be the reason: the values scatter as if each angle" in found.says
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from factories import impacts_file
+from factories import impacts_file, table_file
 
 from ifrfit import fit
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
@@ -22,15 +22,10 @@ def table(path, e_n, *, noise=0.01, sigma=None, speed=None, seed=0):
         "e_n": e_n + noise * rng.standard_normal(ANGLES.size),
     }
     if sigma:
-        columns |= {"sigma_beta": 0.01 + 0 * ANGLES, "sigma_e_n": sigma + 0 * ANGLES}
+        columns |= {"sigma_beta": 0.01, "sigma_e_n": sigma}
     if speed is not None:
         columns["speed_m_s"] = speed
-    rows = [
-        ",".join(columns),
-        *(",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True)),
-    ]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    return table_file(path, columns, "%.6g")
 
 
 def restitution(path, **choices):
@@ -100,10 +95,9 @@ def drops(path, restitution_at, *, seed=0, noise=0.03):
     noises = noise * rng.standard_normal((2, 40))
     v_x = speed * (impact.v_x + noises[0])
     v_n = speed * np.maximum(e_n * np.cos(gamma) + noises[1] * np.cos(gamma), 0.01)
-    columns = np.stack([speed * np.sin(gamma), speed * np.cos(gamma), v_x, v_n], axis=1)
-    rows = [",".join(f"{x:.6g}" for x in row) for row in columns]
-    path.write_text("\n".join(["u_x_m_s,u_z_m_s,v_x_m_s,v_n_m_s", *rows]) + "\n", encoding="utf-8")
-    return fit(path, method="lsq", closure="fr")
+    u_x, u_z = speed * np.sin(gamma), speed * np.cos(gamma)
+    columns = {"u_x_m_s": u_x, "u_z_m_s": u_z, "v_x_m_s": v_x, "v_n_m_s": v_n}
+    return fit(table_file(path, columns, "%.6g"), method="lsq", closure="fr")
 
 
 def test_restitution_that_rises_with_the_angle_is_not_blamed_on_yield(tmp_path):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import slips_study
-from factories import at_most, impacts_file, rest_long
+from factories import at_most, impacts_file, rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
@@ -138,26 +138,18 @@ def test_few_rows_say_so(tmp_path):
     assert says == "too few rows to tell a slip in the table"
 
 
-def written(path, header, gamma, value, noise=0.01):
-    rng = np.random.default_rng(5)
-    value = value + noise * rng.standard_normal(value.size)
-    rows = "".join(f"{g:.4f},{v:.4f}\n" for g, v in zip(gamma, value, strict=True))
-    path.write_text(f"{header}\n{rows}", encoding="utf-8")
-    return path
-
-
 TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
 
 
 @pytest.mark.parametrize(
-    ("header", "gamma", "value", "option"),
+    ("observable", "gamma", "value", "option"),
     [
-        ("gamma_deg,beta", 90.0 - ANGLES, TRUE.beta, "--convention angle=from-wall"),
-        ("gamma_deg,beta", ANGLES, -TRUE.beta, "--convention beta=opposite-sign"),
-        ("gamma_deg,beta", ANGLES, TRUE.beta_cm, "--convention beta=centre"),
-        ("gamma_deg,beta", np.radians(ANGLES), TRUE.beta, "--convention angle=rad"),
+        ("beta", 90.0 - ANGLES, TRUE.beta, "--convention angle=from-wall"),
+        ("beta", ANGLES, -TRUE.beta, "--convention beta=opposite-sign"),
+        ("beta", ANGLES, TRUE.beta_cm, "--convention beta=centre"),
+        ("beta", np.radians(ANGLES), TRUE.beta, "--convention angle=rad"),
         (
-            "gamma_deg,psi_after_deg",
+            "psi_after_deg",
             ANGLES,
             np.degrees(TRUE.psi_out),
             "--convention column:psi_out_deg=psi_after_deg",
@@ -165,8 +157,9 @@ TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
     ],
     ids=["wall", "sign", "centre", "radians", "outgoing"],
 )
-def test_the_option_that_is_named_mends_it(tmp_path, header, gamma, value, option):
-    path = written(tmp_path / "t.csv", header, gamma, value)
+def test_the_option_that_is_named_mends_it(tmp_path, observable, gamma, value, option):
+    noisy = value + 0.01 * np.random.default_rng(5).standard_normal(value.size)
+    path = table_file(tmp_path / "t.csv", {"gamma_deg": gamma, observable: noisy}, "%.4f")
     slips = fit(path, method="lsq", fix={"e_n": 0.8}).facts["slips"]
     assert not slips.ok
     assert slips.says.endswith(option), slips.says
@@ -267,10 +260,7 @@ def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
         "omega_y_after_rad_s": 200.0 * state.spin_y + rng.standard_normal(ANGLES.size),
         "radius_mm": np.full(ANGLES.size, 5.0),
     }
-    rows = "".join(",".join(f"{x:.6g}" for x in row) + "\n" for row in zip(*columns.values(), strict=True))
-    path = tmp_path / "t.csv"
-    path.write_text(",".join(columns) + "\n" + rows, encoding="utf-8")
-    facts = fit(path, method="lsq").facts
+    facts = fit(table_file(tmp_path / "t.csv", columns, "%.6g"), method="lsq").facts
     failing = [name for name, fact in facts.items() if not fact.ok]
     assert failing[:2] == ["slips", "angular_momentum"]
     assert facts["slips"].figures["called"][0] == "spins-halved spin_y_after"
