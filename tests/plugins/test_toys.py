@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from extensions.closure import GRIP
 from extensions.effect import BRAKE_SHARE, Brake
-from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
 from factories import impacts_file, rest_long
 from scipy.stats import kstest
@@ -351,12 +350,6 @@ def test_refusals_list_what_is_registered(folder: Path) -> None:
         ifrfit.fit(data, noise=ifrfit.Noise(tails="x"))
     with pytest.raises(UsageError, match=r"--format x: a report is html, md, toc; choose one of them"):
         check_format("x", "--format x")
-
-
-def test_options_of_a_method_are_its_own(folder: Path) -> None:
-    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Mode(patience=2))
-    assert "It waited 2." in found.warnings
-    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="mode").method == "mode"
 
 
 # ---- laws of errors
