@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from json_schemas import validator
+from json_schemas import strict_json, validator
 
 import ifrfit
 
@@ -19,13 +19,6 @@ LSQ = ("--method", "lsq")
 @pytest.fixture(scope="module")
 def schema():
     return validator("result")
-
-
-def strict_json(text: str) -> dict[str, object]:
-    def refuse(word: str) -> None:
-        raise AssertionError(f"{word} is not JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from dataclasses import replace
 
 import pytest
-from json_schemas import validator
+from json_schemas import strict_json, validator
 
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.report import text
@@ -28,15 +27,8 @@ def schema():
     return validator("cost")
 
 
-def strict(text):
-    def refuse(word):
-        raise AssertionError(word)
-
-    return json.loads(text, parse_constant=refuse)
-
-
 def test_the_numbers_are_those_of_the_table(costs, schema):
-    content = strict(dumps(costs.to_dict()))
+    content = strict_json(dumps(costs.to_dict()))
     schema.validate(content)
     assert content == costs.to_dict()
     assert content["costs"] == costs.table().to_dict("records")
@@ -62,7 +54,7 @@ def test_whose_data_and_which_machine(costs):
 
 def test_an_error_that_there_is_none_of_is_null(costs, schema):
     unknown = Cost("inference", "exact", "", "mean", Timing.of([1.0]), math.nan, UNIT)
-    content = strict(dumps(replace(costs, costs=(unknown,)).to_dict()))
+    content = strict_json(dumps(replace(costs, costs=(unknown,)).to_dict()))
     schema.validate(content)
     assert [row["error"] for row in content["costs"]] == [None]
 
