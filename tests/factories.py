@@ -130,6 +130,14 @@ def rest_long(values: Iterable[Any], quick: int = 1) -> list[Any]:
     return [x if i < quick else pytest.param(x, marks=pytest.mark.long) for i, x in enumerate(values)]
 
 
+def exchanged(text: str, *exchanges: tuple[str, str]) -> str:
+    """A text with the first of each pair, which must be in it, replaced once by the second."""
+    for old, new in exchanges:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    return text
+
+
 def assert_golden(text: str, path: Path) -> None:
     """The text is the one that is kept. UPDATE_GOLDEN=1 rewrites it: read the difference first."""
     if os.environ.get("UPDATE_GOLDEN"):
