@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from factories import impacts_file, table_file
+from factories import impacts_file, problem_of, table_file
 
 from ifrfit import fit
+from ifrfit.data import read
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.physics import rebound
 
@@ -56,14 +57,9 @@ def test_readings_above_one_are_impossible(tmp_path):
 def test_false_alarms_are_as_rare_as_stated(tmp_path):
     """600 clean tables: at one in a thousand or fewer, 4 or more alarms have a probability below 0.004."""
     from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
-    from ifrfit.inference.fit import make_question
     from ifrfit.inference.optimize.least_squares import least_squares
-    from ifrfit.inference.options import Model, Noise
-    from ifrfit.physics.closures import get_closure
 
-    model = Model("ifr")
-    asked = make_question(table(tmp_path / "t.csv", 0.9), model, Noise("unknown"), 0, None, {})
-    problem = asked.problem(get_closure("ifr"), model.parameters(asked.inertia_factor))
+    problem = problem_of(read(table(tmp_path / "t.csv", 0.9)), noise="unknown")
     found = least_squares(problem)
     normal = problem.rows.of_kind("normal")
     rng = np.random.default_rng(5)
