@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -10,6 +11,7 @@ import jsonschema
 import referencing
 
 
+@cache
 def validator(name: str) -> jsonschema.Draft202012Validator:
     """Validator of result, compare, cost or simulation; the others may refer to the parts of result."""
 

@@ -16,11 +16,6 @@ PASSING = ("created", "command")
 LSQ = ("--method", "lsq")
 
 
-@pytest.fixture(scope="module")
-def schema():
-    return validator("result")
-
-
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -31,11 +26,11 @@ def schema():
         ("buck-2017", "--closure", "f"),
     ],
 )  # fmt: skip
-def test_json_is_all_there_is_and_follows_the_schema(cli, schema, arguments):
+def test_json_is_all_there_is_and_follows_the_schema(cli, arguments):
     found = cli("fit", *arguments, "--json")
     assert (found.returncode, found.stderr) == (0, "")
     content = strict_json(found.stdout)
-    schema.validate(content)
+    validator("result").validate(content)
     assert content["schema"] == "ifrfit/result/1"
 
 
