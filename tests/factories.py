@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,12 @@ def impacts_file(path: Path, *parts: dict[str, Any]) -> Path:
     return path
 
 
+def table_file(path: Path, columns: Mapping[str, Any] | pd.DataFrame, digits: str | None = None) -> Path:
+    """Write a table, its numbers in full or by a format such as %.6f; the path."""
+    pd.DataFrame(columns).to_csv(path, index=False, float_format=digits)
+    return path
+
+
 def problem_of(
     data: Observations | pd.DataFrame,
     closure: str = "ifr",
@@ -122,6 +128,14 @@ def at_most(n: int, p: float, tail: float = 1e-3) -> int:
 def rest_long(values: Iterable[Any], quick: int = 1) -> list[Any]:
     """Values of a parameter: the first `quick` of them in every run, the rest with ``-m long`` alone."""
     return [x if i < quick else pytest.param(x, marks=pytest.mark.long) for i, x in enumerate(values)]
+
+
+def exchanged(text: str, *exchanges: tuple[str, str]) -> str:
+    """A text with the first of each pair, which must be in it, replaced once by the second."""
+    for old, new in exchanges:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    return text
 
 
 def assert_golden(text: str, path: Path) -> None:

@@ -1,14 +1,17 @@
-"""Validators of the JSON files that the package writes, by the schemas that it ships."""
+"""Readers of the JSON that the package writes: strict, and by the schemas that it ships."""
 
 from __future__ import annotations
 
 import json
+from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import jsonschema
 import referencing
 
 
+@cache
 def validator(name: str) -> jsonschema.Draft202012Validator:
     """Validator of result, compare, cost or simulation; the others may refer to the parts of result."""
 
@@ -20,3 +23,12 @@ def validator(name: str) -> jsonschema.Draft202012Validator:
     own = content(name)
     jsonschema.Draft202012Validator.check_schema(own)
     return jsonschema.Draft202012Validator(own, registry=registry)
+
+
+def strict_json(text: str) -> dict[str, Any]:
+    """The content of a text that holds nothing but JSON."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    return dict(json.loads(text, parse_constant=refuse))

@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from posterior_questions import LEVELS
+from scipy import special
+
+from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
+
+
+def normal(mean: float, sd: float) -> dict[str, Any]:
+    """A normal law."""
+    return {"mean": mean, "sd": sd, "quantiles": [mean + sd * float(special.ndtri(p)) for p in LEVELS]}
+
+
+def uniform(low: float, high: float) -> dict[str, Any]:
+    """A uniform law."""
+    return {
+        "mean": 0.5 * (low + high),
+        "sd": (high - low) / math.sqrt(12.0),
+        "quantiles": [low + p * (high - low) for p in LEVELS],
+    }
 
 
 def distances(post: Any, known: Mapping[str, Any]) -> dict[str, float]:
@@ -32,3 +50,26 @@ def check(post: Any, known: Mapping[str, Any], tolerance: float) -> None:
     far = {what: x for what, x in distances(post, known).items() if not x <= tolerance}
     assert not far, far
     assert post.converged, (post.error, post.error_evidence)
+
+
+def agree(sampled: Any, exact: Any, by_probability: bool = False) -> None:
+    """A sampled posterior within four of its standard errors, which are themselves small, of the exact one.
+
+    `by_probability`: a quantile may instead be off by as much in probability as a normal law's would be.
+    """
+    assert sampled.converged
+    assert sampled.error <= SAMPLING_ERROR
+    assert abs(sampled.log_evidence - exact.log_evidence) <= 4.0 * sampled.error_evidence + 1e-3
+    allowed = 4.0 * sampled.error
+    for name in exact.names:
+        sd = exact.sd(name)
+        if sd == 0.0:
+            continue
+        assert abs(sampled.mean(name) - exact.mean(name)) <= allowed * sd, name
+        assert abs(sampled.sd(name) - sd) <= allowed * sd, name
+        at = np.asarray(sampled.quantile(name, LEVELS))
+        off = np.abs(at - exact.quantile(name, LEVELS)) / sd
+        if by_probability:
+            of_normal = np.array([0.058, 0.243, 0.399, 0.243, 0.058])
+            off = np.minimum(off, np.abs(exact.cdf(name, at) - np.array(LEVELS)) / of_normal)
+        assert (off <= allowed).all(), name

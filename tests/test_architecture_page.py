@@ -12,6 +12,7 @@ from types import FrameType, FunctionType
 
 import numpy as np
 import pytest
+from factories import table_file
 
 import ifrfit
 from ifrfit.inference.io.write_result import to_dict
@@ -65,11 +66,7 @@ def test_a_value_passes_every_station(tmp_path: Path) -> None:
     gamma = np.linspace(5.0, 85.0, 14)
     beta = ifrfit.rebound(gamma, e_n=0.94, e_t=-0.8, mu=0.12, degrees=True).beta
     beta = beta + 0.03 * np.random.default_rng(1).standard_normal(gamma.size)
-    lines = (
-        f"{angle!r},{value!r},0.03\n" for angle, value in zip(gamma.tolist(), beta.tolist(), strict=True)
-    )
-    path = tmp_path / "impacts.csv"
-    path.write_text("gamma_deg,beta,sigma_beta\n" + "".join(lines), encoding="utf-8")
+    path = table_file(tmp_path / "impacts.csv", {"gamma_deg": gamma, "beta": beta, "sigma_beta": 0.03})
     codes = {}
     for name in STATIONS:
         found = found_at(name)

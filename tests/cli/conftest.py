@@ -9,11 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from ifrfit.cli.main import app
-
-Outcome = subprocess.CompletedProcess[str]
+from command_line import Outcome, in_this_process
 
 
 @pytest.fixture(autouse=True)
@@ -30,15 +26,7 @@ def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def cli() -> Callable[..., Outcome]:
     """Run a command in this process."""
-
-    def run(*arguments: object) -> Outcome:
-        words = [str(argument) for argument in arguments]
-        result = CliRunner().invoke(app, words, prog_name="ifrfit")
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        return Outcome(words, result.exit_code, result.stdout, result.stderr)
-
-    return run
+    return in_this_process
 
 
 @pytest.fixture

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.data.catalogue import dataset_names
-
 
 @pytest.fixture
 def own(impacts):
@@ -81,12 +79,3 @@ def test_validate_takes_a_folder_that_install_made(cli, own, tmp_path):
     found = cli("datasets", "validate", tmp_path / "own" / "datasets" / "cross-2019")
     assert (found.returncode, found.stderr) == (0, "")
     assert "fine, 16 rows" in found.stdout
-
-
-def test_every_listed_dataset_can_be_shown(cli):
-    listed = cli("datasets", "list").stdout
-    for name in dataset_names():
-        assert f"\n{name}  " in f"\n{listed}"
-        found = cli("datasets", "show", name)
-        assert (found.returncode, found.stderr) == (0, "")
-        assert found.stdout.startswith(name)

@@ -21,10 +21,6 @@ def sentence(outcome) -> str:
     return text.removeprefix("ifrfit: ")
 
 
-def test_a_delivered_result_is_0(cli):
-    assert cli("fit", "kharaz-2001", "--quiet").returncode == 0
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [

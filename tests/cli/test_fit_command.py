@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from json_schemas import validator
+from json_schemas import strict_json, validator
 
 import ifrfit
 
@@ -14,18 +14,6 @@ OWN = ["fit.png", "fit.svg", "report.html", "result.json"]
 # of the run, not of the fit
 PASSING = ("created", "command")
 LSQ = ("--method", "lsq")
-
-
-@pytest.fixture(scope="module")
-def schema():
-    return validator("result")
-
-
-def strict_json(text: str) -> dict[str, object]:
-    def refuse(word: str) -> None:
-        raise AssertionError(f"{word} is not JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 @pytest.mark.parametrize(
@@ -38,11 +26,11 @@ def strict_json(text: str) -> dict[str, object]:
         ("buck-2017", "--closure", "f"),
     ],
 )  # fmt: skip
-def test_json_is_all_there_is_and_follows_the_schema(cli, schema, arguments):
+def test_json_is_all_there_is_and_follows_the_schema(cli, arguments):
     found = cli("fit", *arguments, "--json")
     assert (found.returncode, found.stderr) == (0, "")
     content = strict_json(found.stdout)
-    schema.validate(content)
+    validator("result").validate(content)
     assert content["schema"] == "ifrfit/result/1"
 
 

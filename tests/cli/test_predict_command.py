@@ -128,6 +128,7 @@ def test_separate_constants_ask_for_a_series(cli, tmp_path):
     refused = cli("predict", saved, "--gamma", "60")
     assert refused.returncode == 2
     assert refused.stderr == "ifrfit: Constants are separate by series: name one of dry, wet.\n"
+    assert "no series 'c'" in cli("predict", saved, "--gamma", "60", "--series", "c").stderr
     dry, wet = (
         table(cli("predict", saved, "--gamma", "60", "--series", s))["value"].item() for s in ("dry", "wet")
     )
@@ -152,17 +153,6 @@ def test_wrong_questions_are_2(cli, saved, options, says):
     assert found.returncode == 2
     assert found.stdout == ""
     assert says in found.stderr
-
-
-@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "not json", '{"schema": "ifrfit/result/99"}'])
-def test_a_file_that_is_no_result_is_3(cli, tmp_path, text):
-    path = tmp_path / "other.json"
-    path.write_text(text, encoding="utf-8")
-    found = cli("predict", path, "--gamma", "10")
-    assert found.returncode == 3
-    assert found.stdout == ""
-    assert found.stderr.startswith(f"ifrfit: {path}")
-    assert "Traceback" not in found.stderr
 
 
 def test_more_friction_than_two_mu_is_told_once(cli, saved):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from dataclasses import replace
 
 import pytest
-from json_schemas import validator
+from json_schemas import strict_json, validator
 
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.report import text
@@ -23,21 +22,9 @@ def costs():
     return made("cross-2019", fix={"e_n": 0.94})
 
 
-@pytest.fixture(scope="module")
-def schema():
-    return validator("cost")
-
-
-def strict(text):
-    def refuse(word):
-        raise AssertionError(word)
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def test_the_numbers_are_those_of_the_table(costs, schema):
-    content = strict(dumps(costs.to_dict()))
-    schema.validate(content)
+def test_the_numbers_are_those_of_the_table(costs):
+    content = strict_json(dumps(costs.to_dict()))
+    validator("cost").validate(content)
     assert content == costs.to_dict()
     assert content["costs"] == costs.table().to_dict("records")
 
@@ -60,14 +47,14 @@ def test_whose_data_and_which_machine(costs):
     assert content["asked"]["e_n"]["fixed"] == 0.94
 
 
-def test_an_error_that_there_is_none_of_is_null(costs, schema):
+def test_an_error_that_there_is_none_of_is_null(costs):
     unknown = Cost("inference", "exact", "", "mean", Timing.of([1.0]), math.nan, UNIT)
-    content = strict(dumps(replace(costs, costs=(unknown,)).to_dict()))
-    schema.validate(content)
+    content = strict_json(dumps(replace(costs, costs=(unknown,)).to_dict()))
+    validator("cost").validate(content)
     assert [row["error"] for row in content["costs"]] == [None]
 
 
-def test_the_schema_refuses_what_it_should(costs, schema):
+def test_the_schema_refuses_what_it_should(costs):
     content = costs.to_dict()
     row = content["costs"][0]
     for key, value in (
@@ -79,7 +66,7 @@ def test_the_schema_refuses_what_it_should(costs, schema):
         ("machine", {}),
         ("extra", 1),
     ):
-        assert not schema.is_valid({**content, key: value}), key
+        assert not validator("cost").is_valid({**content, key: value}), key
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,8 @@ def test_a_convention_without_effect_is_noted(read):
     assert obs.notes == ("x.csv: convention beta=opposite-sign found nothing to apply to.",)
     obs = read("e_n\n0.9\n", "angle=from-wall")
     assert obs.notes == ("x.csv: convention angle=from-wall found nothing to apply to.",)
+    obs = read("gamma_deg,beta\n30,0.4\n", "z=out-of-wall")
+    assert obs.notes == ("x.csv: convention z=out-of-wall found nothing to apply to.",)
 
 
 @pytest.mark.parametrize(("convention", "message"), REFUSED.items())
@@ -237,8 +239,3 @@ def test_provenance_of_rows_that_do_not_state_theirs(read):
     obs = read("gamma_deg,beta,provenance\n30,0.4,stand-in\n", "provenance=measured")
     assert obs.provenance == ("stand-in",), "what a file says is never overruled"
     assert obs.notes == ("x.csv: convention provenance=measured found nothing to apply to.",)
-
-
-def test_z_without_velocities_is_noted(read):
-    obs = read("gamma_deg,beta\n30,0.4\n", "z=out-of-wall")
-    assert obs.notes == ("x.csv: convention z=out-of-wall found nothing to apply to.",)

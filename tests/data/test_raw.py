@@ -41,8 +41,8 @@ def values(obs):
 
 
 def ordinary(low, high):
-    """Floats without the denormals that no instrument gives (and that are refused)."""
-    return st.floats(low, high).filter(lambda x: x == 0 or abs(x) > 1e-10)
+    """Floats without what is refused: denormals that no instrument gives, and codes written in nines."""
+    return st.floats(low, high).filter(lambda x: x == 0 or (abs(x) > 1e-10 and set(f"{x:g}") - set("-9.")))
 
 
 SPINS = ordinary(-800, 800)

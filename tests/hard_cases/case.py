@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from typer.testing import CliRunner
-
 FILE = "impacts.csv"
 OUT = "results"
 METHODS = ("lsq", "profile", "exact", "mcmc")
@@ -90,15 +88,13 @@ class Told:
 
 def command(folder: Path, arguments: Sequence[str]) -> Told:
     """Run the command line in a folder, in this process."""
-    from ifrfit.cli.main import app
+    from command_line import in_this_process
 
     before = set(folder.iterdir())
     with contextlib.chdir(folder):
-        result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
+        result = in_this_process(*arguments)
     left = tuple(sorted(p.name for p in set(folder.iterdir()) - before))
-    return Told(result.exit_code, result.stdout, result.stderr, left)
+    return Told(result.returncode, result.stdout, result.stderr, left)
 
 
 def fits(outcome: Any) -> Iterator[Any]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from factories import at_most, rest_long
+from factories import at_most, rest_long, table_file
 from scipy import special
 
 import ifrfit
@@ -57,9 +57,7 @@ def table(seed=1, *, offset=2.0, n=25, sigma=SIGMA, low=8.0, high=80.0, stated=T
 @pytest.fixture
 def path(tmp_path):
     def written(**choices):
-        file = tmp_path / "a.csv"
-        table(**choices).to_csv(file, index=False)
-        return file
+        return table_file(tmp_path / "a.csv", table(**choices))
 
     return written
 
@@ -307,9 +305,9 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
         .assign(e_n=0.9 + 0.01 * np.sin(np.arange(25.0)), sigma_e_n=0.01)
         .drop(columns=["v_n", "sigma_v_n"])
     )
-    frame.to_csv(tmp_path / "a.csv", index=False)
+    path = table_file(tmp_path / "a.csv", frame)
     with pytest.raises((UsageError, DataError), match=says):
-        ifrfit.fit(tmp_path / "a.csv", noise=with_offset(2.0), **choices)
+        ifrfit.fit(path, noise=with_offset(2.0), **choices)
 
 
 @pytest.mark.parametrize(
@@ -349,9 +347,9 @@ def test_intervals_beside_an_offset_hold_the_truth_as_often_as_they_say(tmp_path
         columns = {"gamma_deg": gamma}
         for name in ("beta", "v_n"):
             columns[name] = getattr(r, name) + SIGMA * rng.standard_normal(25)
-            columns[f"sigma_{name}"] = np.full(25, SIGMA)
-        pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
-        asked = make_question(tmp_path / "a.csv", model, noise, 0, None, {})
+            columns[f"sigma_{name}"] = SIGMA
+        path = table_file(tmp_path / "a.csv", columns)
+        asked = make_question(path, model, noise, 0, None, {})
         problem = asked.problem(get_closure("ifr"), model.parameters(asked.inertia_factor))
         found = least_squares(problem)
         about = truncated_gaussian(at_fitted_offset(problem, found), found)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most, rest_long
+from factories import at_most, rest_long, table_file
 from scipy.special import chdtrc
 
 import ifrfit
@@ -156,7 +156,6 @@ def test_microslip_is_found_where_it_is():
 SHELL = 2.0 / 3.0
 HOLLOW = {"e_n": 0.85, "e_t": -0.90, "mu": 0.25}
 RADIUS = 0.02
-HEADER = "u_x_m_s,u_z_m_s,omega_y_rad_s,v_x_m_s,v_z_m_s,omega_y_after_rad_s,radius_mm"
 
 
 def hollow_csv(path, noise, rng):
@@ -166,22 +165,19 @@ def hollow_csv(path, noise, rng):
     spin = rng.choice([0.0, 0.25, -0.1], n)
     state = rebound(gamma, spin_y=spin, inertia_factor=SHELL, degrees=True, **HOLLOW)
     off = noise * rng.standard_normal((3, n))
-    columns = [
-        speed * np.sin(np.radians(gamma)),
-        speed * np.cos(np.radians(gamma)),
-        speed * spin / RADIUS,
-        speed * state.v_x + off[0],
-        -(speed * state.v_n + off[1]),
-        (speed * state.spin_y + off[2]) / RADIUS,
-        np.full(n, 1e3 * RADIUS),
-        np.full(n, max(noise, 0.01)),
-        np.full(n, max(noise, 0.01)),
-        np.full(n, max(noise, 0.01) / RADIUS),
-    ]
-    header = f"{HEADER},sigma_v_x_m_s,sigma_v_z_m_s,sigma_omega_y_after_rad_s"
-    rows = [",".join(repr(float(x)) for x in row) for row in zip(*columns, strict=True)]
-    path.write_text("\n".join([header, *rows]) + "\n")
-    return path
+    columns = {
+        "u_x_m_s": speed * np.sin(np.radians(gamma)),
+        "u_z_m_s": speed * np.cos(np.radians(gamma)),
+        "omega_y_rad_s": speed * spin / RADIUS,
+        "v_x_m_s": speed * state.v_x + off[0],
+        "v_z_m_s": -(speed * state.v_n + off[1]),
+        "omega_y_after_rad_s": (speed * state.spin_y + off[2]) / RADIUS,
+        "radius_mm": 1e3 * RADIUS,
+        "sigma_v_x_m_s": max(noise, 0.01),
+        "sigma_v_z_m_s": max(noise, 0.01),
+        "sigma_omega_y_after_rad_s": max(noise, 0.01) / RADIUS,
+    }
+    return table_file(path, columns)
 
 
 def test_raw_velocities_of_a_hollow_ball_give_back_what_was_put_in(tmp_path):

@@ -92,15 +92,6 @@ def test_a_constant_on_its_bound_is_one_sided(impacts):
     assert statuses.count("one_sided") >= 16
 
 
-def test_a_prior_supplies_what_the_data_lack_and_is_named(impacts):
-    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), prior={"e_n": (0.94, 0.01)})
-    assert found.constants["e_n"].status == "prior"
-    assert found.constants["mu"].status == "prior"
-    assert "prior of e_n" in found.constants["mu"].reason
-    assert found.constants["e_t"].status == "determined"
-    assert found.fit.prior_chi2 == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_useless_prior_changes_nothing(impacts):
     path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.03, sigma=0.03, c=-0.8)
     found = ifrfit.fit(path, prior={"e_n": (0.5, 10.0)})
@@ -147,11 +138,6 @@ def test_too_few_points_need_a_sigma(policy, impacts):
     path = impacts(gamma=np.array([20.0, 60.0]), sigma=None if policy == "unknown" else 0.05)
     with pytest.raises(DataError, match=r"2 values of beta .* need a sigma\. Add a column sigma"):
         ifrfit.fit(path, fix={"e_n": 0.94}, noise=policy)
-
-
-def test_a_noise_policy_that_lacks_sigmas_names_the_row(impacts):
-    with pytest.raises(DataError, match=r"impacts\.csv, line 2: no sigma, but --noise known needs one"):
-        ifrfit.fit(impacts(gamma=GAMMA, sigma=None), noise="known")
 
 
 USAGE = [
@@ -217,17 +203,6 @@ def test_the_observations_are_not_changed_by_a_fit(impacts):
     before = data.table
     ifrfit.fit(data, fix={"e_n": 0.94})
     assert data.table.equals(before)
-
-
-def test_a_sigma_that_is_not_used_is_told(impacts):
-    some = {"gamma": GAMMA[::2], "noise": 0.05, "sigma": 0.05, "c": -0.7}
-    none = {"gamma": GAMMA[1::2], "noise": 0.05, "sigma": None, "c": -0.7, "seed": 1}
-    found = ifrfit.fit(impacts(some, none), fix={"e_n": 0.94})
-    assert found.noise.policy == "unknown"
-    assert any(
-        "sigma is given for 17 of 34 values of beta, and is not used, because 17 have none" in said
-        for said in found.warnings
-    )
 
 
 @pytest.mark.parametrize("wrong", [0.05, 0.20])

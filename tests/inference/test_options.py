@@ -113,10 +113,6 @@ def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
     [
         (lambda: Model(inertia_factor=-1.0), "--inertia-factor -1: it must be positive"),
         (lambda: Noise("loud"), "--noise loud: choose known, scaled, unknown or mixed"),
-        (lambda: Noise(dof=3.0), "--dof belongs to --tails student-t"),
-        (lambda: Noise(sigma_spin=0.1), "--sigma-spin needs --sigma-velocity"),
-        (lambda: AngleErrors("berkson"), "--angle-errors berkson: choose none, effective, set or measured"),
-        (lambda: AngleErrors("measured"), "needs --angle-population LO,HI"),
         (lambda: Exact(accuracy=7.0), "--accuracy 7: choose from 1e-9 to 0.5"),
         (lambda: Exact(budget="soon"), "--budget soon: write a time"),
         (lambda: MCMC(max_steps=0), "--max-steps 0: it must be 1 or more"),

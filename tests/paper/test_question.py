@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import table_file
 
 from ifrfit.data.catalogue import install
 from ifrfit.paper.constants_table import OPEN, across_regimes, across_spins, reading
@@ -11,6 +12,7 @@ from ifrfit.paper.recovered_constants import CASES, case_named, fit_case
 from ifrfit.physics import OBSERVABLES, rebound
 
 ANGLES = np.arange(4.0, 86.0, 4.0)
+TRUTH = {"e_n": 0.60, "e_t": -0.75, "mu": 0.15}
 
 
 @pytest.fixture(autouse=True)
@@ -50,8 +52,7 @@ def test_stand_ins_answer_nothing():
 
 
 def test_one_set_in_both_regimes_is_found_to_hold(tmp_path):
-    truth = {"e_n": 0.60, "e_t": -0.75, "mu": 0.15}
-    put("hashemnia-2019", tmp_path, [("no spin", "beta", 0.0, ANGLES, values(ANGLES, **truth))])
+    put("hashemnia-2019", tmp_path, [("no spin", "beta", 0.0, ANGLES, values(ANGLES, **TRUTH))])
     answer = across_regimes(fit_case(case_named("hashemnia-2019")))
     assert answer.verdict == "yes, as far as these points tell"
     assert "both regimes" in answer.why
@@ -68,8 +69,7 @@ def test_two_sets_are_found_out(tmp_path):
 
 def test_one_regime_alone_does_not_answer(tmp_path):
     gamma = np.arange(40.0, 86.0, 3.0)
-    truth = {"e_n": 0.60, "e_t": -0.75, "mu": 0.15}
-    put("hashemnia-2019", tmp_path, [("no spin", "beta", 0.0, gamma, values(gamma, **truth))])
+    put("hashemnia-2019", tmp_path, [("no spin", "beta", 0.0, gamma, values(gamma, **TRUTH))])
     answer = across_regimes(fit_case(case_named("hashemnia-2019")))
     assert answer.verdict == "not answerable"
     assert answer.why == "all impacts slide, so one regime is seen only"
@@ -107,10 +107,8 @@ def test_points_named_as_the_centres_are_taken_so(tmp_path):
 
 
 def test_a_simulation_is_not_taken_for_an_experiment(tmp_path):
-    truth = {"e_n": 0.60, "e_t": -0.75, "mu": 0.15}
-    path = tmp_path / "simulated.csv"
-    lines = [f"no spin,{g},{b},0.02" for g, b in zip(ANGLES, values(ANGLES, **truth), strict=True)]
-    path.write_text("\n".join(["series,gamma_deg,beta,sigma", *lines]), encoding="utf-8")
+    columns = {"series": "no spin", "gamma_deg": ANGLES, "beta": values(ANGLES, **TRUTH), "sigma": 0.02}
+    path = table_file(tmp_path / "simulated.csv", columns)
     install("hashemnia-2019", path, provenance="simulated")
     answer = across_regimes(fit_case(case_named("hashemnia-2019")))
     assert answer.verdict == "not answerable from a simulation"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from command_line import in_this_process
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -18,7 +18,6 @@ from extensions.observable import SPIN_GAINED
 from extensions.section import SECTION
 from toys import BEND, HALF_DROP, LOCK, TILT
 
-from ifrfit.cli.main import app
 from ifrfit.registry import registered
 
 
@@ -36,11 +35,8 @@ def cli() -> Callable[..., str]:
     """A command in this process that must succeed; its output."""
 
     def run(*arguments: object) -> str:
-        words = [str(argument) for argument in arguments]
-        found = CliRunner().invoke(app, words, prog_name="ifrfit")
-        if found.exception is not None and not isinstance(found.exception, SystemExit):
-            raise found.exception
-        assert found.exit_code == 0, found.output
+        found = in_this_process(*arguments)
+        assert found.returncode == 0, found.stderr
         return found.stdout
 
     return run

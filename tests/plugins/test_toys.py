@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from extensions.closure import GRIP
 from extensions.effect import BRAKE_SHARE, Brake
-from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
 from factories import impacts_file, rest_long
 from scipy.stats import kstest
@@ -149,15 +148,6 @@ def test_predictions_follow_the_closure(fits: dict[str, Any], name: str) -> None
 def test_tables_write_the_constant_in_latex(fits: dict[str, Any]) -> None:
     assert r"$\Gamma$ & $0.70" in fits["grip"].summary(style="latex")
     assert r"$\eta$ & $0.6" in fits["bend"].summary(style="latex")
-
-
-@pytest.mark.parametrize("name", ["grip", "bend"])
-def test_a_result_goes_to_a_file_and_back(fits: dict[str, Any], folder: Path, name: str) -> None:
-    path = folder / f"{name}.json"
-    fits[name].save(path)
-    again = ifrfit.load_result(path)
-    assert again.constants == fits[name].constants
-    assert again.summary() == fits[name].summary()
 
 
 def test_all_closures_are_compared(folder: Path) -> None:
@@ -360,12 +350,6 @@ def test_refusals_list_what_is_registered(folder: Path) -> None:
         ifrfit.fit(data, noise=ifrfit.Noise(tails="x"))
     with pytest.raises(UsageError, match=r"--format x: a report is html, md, toc; choose one of them"):
         check_format("x", "--format x")
-
-
-def test_options_of_a_method_are_its_own(folder: Path) -> None:
-    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Mode(patience=2))
-    assert "It waited 2." in found.warnings
-    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="mode").method == "mode"
 
 
 # ---- laws of errors

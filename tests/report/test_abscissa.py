@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from factories import table_file
 
 import ifrfit
 from ifrfit.inference.result.types import Estimate
@@ -20,9 +21,7 @@ GAMMA = np.linspace(10.0, 80.0, 15)
 def fitted(tmp_path, **columns):
     beta = rebound(GAMMA, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta
     table = {"gamma_deg": GAMMA, "beta": beta + 0.01 * np.sin(7.0 * GAMMA), "sigma_beta": 0.02}
-    path = tmp_path / "a.csv"
-    pd.DataFrame(table | columns).to_csv(path, index=False)
-    return path
+    return table_file(tmp_path / "a.csv", table | columns)
 
 
 def readings(gamma, speed):
@@ -60,10 +59,9 @@ def test_a_panel_of_e_n_shows_its_trend_over_the_angle(tmp_path):
 
 
 def test_readings_of_one_angle_are_drawn_over_the_speed(tmp_path):
-    path = tmp_path / "drops.csv"
     speed = np.linspace(0.5, 5.0, 12)
-    frame = pd.DataFrame({"speed_m_s": speed, "e_n": 0.95 - 0.01 * speed, "sigma_e_n": 0.02})
-    frame.to_csv(path, index=False)
+    columns = {"speed_m_s": speed, "e_n": 0.95 - 0.01 * speed, "sigma_e_n": 0.02}
+    path = table_file(tmp_path / "drops.csv", columns)
     (data, residuals) = plot(ifrfit.fit(path, method="lsq")).axes
     assert residuals.get_xlabel() == SPEED
     low, high = data.get_xlim()

@@ -14,7 +14,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.report import write_folder
 from ifrfit.report.comparison.figure import write_comparison
-from ifrfit.report.comparison.text import findings, prior_line
+from ifrfit.report.comparison.text import findings
 
 NASTY = "<b>&$ball$_1"
 
@@ -37,15 +37,6 @@ def stand_in():
     return compare(data, ("fr", "ifr"), loo=False, fix={"e_n": 0.9}, noise="scaled")
 
 
-def test_text_fits_a_terminal_and_says_it_all(found):
-    text = found.summary()
-    assert max(map(len, text.splitlines())) <= 100
-    assert [line for line in text.splitlines() if line != line.rstrip()] == []
-    for words in ("VERDICT  ", "log BF against ", "mu up to 0.5", "psi plane", "leave-one-impact-out"):
-        assert words in text
-    assert f"{len(found.entries)} closures, exact posterior, known noise" in text
-
-
 def test_numbers_of_the_table_are_those_of_the_comparison(found):
     row = next(x for x in found.summary().splitlines() if x.startswith("  FR "))
     fit = found.entries["fr"]
@@ -61,21 +52,6 @@ def test_chi2_is_shown_only_where_it_says_something(found):
     assert " chi2 " not in unknown
     assert " AICc " in unknown
     assert " AICc " not in found.summary()
-
-
-def test_a_stand_in_says_so_before_its_numbers(stand_in):
-    text = stand_in.summary()
-    assert "STAND-IN" in text.splitlines()[0]
-    assert text.index("Not answerable until real points are installed") < text.index("log evidence")
-    assert "favour" not in text
-
-
-def test_priors_are_told_once_where_all_share_them(found):
-    line = prior_line(found)
-    assert "mu 0 to 2," in line
-    assert "beta0 -1 to 1 (FR)" in line
-    assert "e_t -1 to -0.4 (IFR)" in line
-    assert "e_n" not in line  # fixed
 
 
 def test_what_did_not_converge_comes_first(found):

@@ -28,10 +28,6 @@ def test_a_new_folder_and_nothing_beside_it(made, tmp_path):
     assert json.loads((out / "result.json").read_text(encoding="utf-8"))["closure"] == "ifr"
 
 
-def test_without_figures(made, tmp_path):
-    assert write_folder(made.fine(), None, tmp_path / "a", force=False) == ["result.json"]
-
-
 def test_an_earlier_result_is_refused_and_kept(made, tmp_path):
     out = tmp_path / "a"
     write_folder(made.fine(), None, out, force=False)

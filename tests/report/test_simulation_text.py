@@ -11,7 +11,6 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.physics.effects import Criterion, PlanLine
 from ifrfit.physics.scenes import Quantity
-from ifrfit.report.atomic_folder import check_free
 from ifrfit.report.simulation.figure import SIMULATION, plot, write_simulation
 from ifrfit.report.simulation.text import plan_text, quantity_text
 from ifrfit.simulation.simulate import simulate
@@ -180,32 +179,6 @@ def test_the_folder_appears_whole_and_the_same_bytes_each_time(found, tmp_path):
     assert content == simulation.to_dict()
 
 
-@pytest.fixture
-def blank(monkeypatch):
-    """Figures without ink: drawing is tested elsewhere."""
-    monkeypatch.setattr("ifrfit.report.simulation.figure.plot", lambda simulation: None)
-
-    def save(figure, folder, stem):
-        names = [f"{stem}.svg", f"{stem}.png"]
-        for name in names:
-            (folder / name).write_text("blank")
-        return names
-
-    monkeypatch.setattr("ifrfit.report.simulation.figure.save_svg_and_png", save)
-
-
-@pytest.mark.usefixtures("blank")
-def test_an_earlier_one_is_kept_without_force(found, tmp_path):
-    simulation = found("lateral-spin")
-    write_simulation(simulation, tmp_path / "a", force=False)
-    (tmp_path / "a" / "mine.txt").write_text("mine")
-    with pytest.raises(UsageError, match="add --force"):
-        check_free(tmp_path / "a", force=False, of=SIMULATION)
-    write_simulation(simulation, tmp_path / "a", force=True)
-    assert (tmp_path / "a" / "mine.txt").read_text() == "mine"
-
-
-@pytest.mark.usefixtures("blank")
 def test_nothing_is_left_where_writing_fails(found, tmp_path, monkeypatch):
     def fail(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")

@@ -66,24 +66,12 @@ def test_scaled_noise_without_points_states_sigma_itself(made):
     assert "80 rows, digitised" in text
 
 
-def test_separate_constants_take_a_row_a_series(made):
-    text = summary(made.separate())
-    assert "  mu [wet & <oiled>]        0.090   0.012" in text
-    assert "  kappa [dry]              0.2330  0.0080" in text
-
-
 def test_noises_that_differ_name_their_series(made):
     noise = NoiseSummary("unknown", {"dry/beta": 0.04, "wet & <oiled>/beta": 0.061})
     text = summary(replace(made.separate(), noise=noise))
     assert "two unknown noises" in text
     assert "of beta in dry\n" in text
     assert "of beta in wet & <oiled>\n" in text
-
-
-def test_a_common_factor_has_an_uncertainty_where_there_is_a_posterior(made):
-    text = summary(made.scaled_posterior())
-    assert "closure IFR, exact posterior, noise scaled\n" in text
-    assert "  noise    0.0481  0.0062   [0.0359, 0.0603]   times the given sigma\n" in text
 
 
 def test_noise_of_the_only_series_does_not_name_it(made):
@@ -195,11 +183,6 @@ def test_status_words(made, status, reason, words):
     assert re.search(rf"e_n .* {re.escape(words)}\n", text)
 
 
-def test_stand_in_without_conditions_uses_a_general_sentence(made):
-    source = Source("x", "", 1, 1, {}, "stand-in")
-    assert stand_in_sentence(source).endswith("not what real spheres and walls do.")
-
-
 @pytest.mark.parametrize(
     ("provenance", "sentences"),
     [
@@ -284,10 +267,6 @@ def test_a_warning_that_a_fact_already_says_is_not_repeated(made):
     told = findings(replace(result, warnings=(says, "another")))
     assert [sentence for _, sentence in told].count(says) == 1
     assert ("note", "another") in told
-
-
-def test_no_alarm_when_all_is_well(made):
-    assert headline(made.fine()) == ""
 
 
 def test_latex_escapes_what_comes_from_data(made):

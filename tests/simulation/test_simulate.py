@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from factories import exchanged
 from json_schemas import validator
 
 import ifrfit
@@ -40,12 +41,8 @@ mu = 0.15
 @pytest.fixture
 def scene(tmp_path: Path) -> Callable[..., Path]:
     def save(*exchanges: tuple[str, str]) -> Path:
-        text = SCENE
-        for old, new in exchanges:
-            assert old in text, old
-            text = text.replace(old, new, 1)
         path = tmp_path / "scene.toml"
-        path.write_text(text, encoding="utf-8")
+        path.write_text(exchanged(SCENE, *exchanges), encoding="utf-8")
         return path
 
     return save

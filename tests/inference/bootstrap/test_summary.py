@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from factories import table_file
 from json_schemas import validator
 
 import ifrfit
-from ifrfit import Bootstrap, UsageError
+from ifrfit import Bootstrap
 from ifrfit.inference.distributions.draws import Draws
-from ifrfit.inference.estimators import make_estimator
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.io.read_result import from_dict
 
@@ -135,29 +135,14 @@ def test_a_constant_measured_once_is_too_little_to_draw_from(impacts) -> None:
 
 
 def test_residuals_of_one_impact_drawn_apart_are_told(impacts, tmp_path) -> None:
-    lines = ["gamma_deg,beta,e_n,sigma_beta,sigma_e_n"]
     state = ifrfit.rebound(GAMMA, e_n=0.9, e_t=-0.8, mu=0.12, degrees=True)
     rng = np.random.default_rng(1)
     beta, e_n = state.beta + 0.03 * rng.standard_normal(30), 0.9 + 0.01 * rng.standard_normal(30)
-    lines += [
-        f"{g!r},{b!r},{e!r},0.03,0.01"
-        for g, b, e in zip(GAMMA.tolist(), beta.tolist(), e_n.tolist(), strict=True)
-    ]
-    path = tmp_path / "wide.csv"
-    path.write_text("\n".join(lines) + "\n")
+    columns = {"gamma_deg": GAMMA, "beta": beta, "e_n": e_n, "sigma_beta": 0.03, "sigma_e_n": 0.01}
+    path = table_file(tmp_path / "wide.csv", columns)
     for resample, told in (("residual", True), ("wild", False), ("cases", False)):
         found = ifrfit.fit(path, method=Bootstrap(resample, replicates=200))
         assert any("drawn apart" in says for says in found.warnings) == told
-
-
-def test_options_of_the_bootstrap_belong_to_it(impacts) -> None:
-    path = impacts(gamma=GAMMA, noise=0.03)
-    with pytest.raises(UsageError, match="--resample belongs to --method bootstrap"):
-        make_estimator(None, {"resample": "wild"})
-    with pytest.raises(UsageError, match="--replicates belongs to --method bootstrap"):
-        make_estimator("lsq", {"replicates": 100})
-    with pytest.raises(UsageError, match="--replicates 0"):
-        ifrfit.fit(path, method=Bootstrap(replicates=0))
 
 
 def test_a_constant_on_its_bound_keeps_the_interval_of_least_squares(impacts) -> None:

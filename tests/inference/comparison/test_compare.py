@@ -29,11 +29,6 @@ def found(data):
     return compare(data, FOUR, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
 
 
-@pytest.fixture(scope="module")
-def schema():
-    return validator("compare")
-
-
 def test_choices_hold_where_the_constant_is(data):
     found = compare(
         data, FOUR, loo=False, fix={"e_n": 0.9, "e_t": -0.8}, bounds={"beta0": (0.0, 1.0)}, noise="known"
@@ -102,9 +97,9 @@ def test_table_has_a_row_a_closure_the_best_first(found):
     assert isinstance(table, pd.DataFrame)
 
 
-def test_json_meets_its_schema(found, schema):
+def test_json_meets_its_schema(found):
     content = json.loads(dumps(found.to_dict()))
-    schema.validate(content)
+    validator("compare").validate(content)
     assert content == found.to_dict()
     assert content["command"] == "ifrfit compare made.csv"
     assert list(content["closures"]) == list(found.ranked)
@@ -119,17 +114,17 @@ def test_json_meets_its_schema(found, schema):
         {"loo": True, "noise": "known", "gamma": [4.0, 6.0, 40.0, 60.0, 80.0]},
     ],
 )
-def test_json_of_other_cases_meets_the_schema_too(schema, choices):
+def test_json_of_other_cases_meets_the_schema_too(choices):
     made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
     data = observations("f", sigma=0.05, **made)
     found = compare(data, ("f", "ifr"), loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
-    schema.validate(json.loads(dumps(found.to_dict())))
+    validator("compare").validate(json.loads(dumps(found.to_dict())))
 
 
-def test_schema_refuses_what_it_should(found, schema):
+def test_schema_refuses_what_it_should(found):
     content = found.to_dict()
     for key, value in (("schema", "ifrfit/compare/2"), ("verdict", {}), ("closures", {}), ("extra", 1)):
-        assert not schema.is_valid({**content, key: value}), key
+        assert not validator("compare").is_valid({**content, key: value}), key
 
 
 def test_save_writes_the_whole_file(found, tmp_path):

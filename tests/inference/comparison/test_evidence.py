@@ -87,11 +87,3 @@ def test_aicc_only_with_one_unknown_scale():
     assert all(
         e.aicc is None for e in compare(two, ("f", "ifr"), loo=False, noise="unknown").entries.values()
     )
-
-
-def test_criteria_count_the_rank_and_the_noise():
-    data = observations("ifr", sigma=0.03, e_t=-0.9)
-    entry = compare(data, ("f", "ifr"), loo=False, noise="scaled").entries["ifr"]
-    assert (entry.free, entry.fit.fit.rank) == (3, 2)  # beta alone: e_t and kappa
-    assert entry.fit.fit.aic == pytest.approx(2 * 3 - 2 * entry.fit.fit.log_likelihood)
-    assert entry.fit.fit.bic == pytest.approx(3 * math.log(25) - 2 * entry.fit.fit.log_likelihood)

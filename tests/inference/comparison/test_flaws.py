@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import table_file
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.verdict import rivals_with_flaws
@@ -18,10 +19,7 @@ def written(tmp_path, closure, own, gain, seed):
     made = rebound(GAMMA, degrees=True, closure=closure, e_n=0.9, mu=0.14, **own)
     beta = gain * made.beta + 0.02 * rng.standard_normal(GAMMA.size)
     e_n = 0.9 + 0.02 * rng.standard_normal(GAMMA.size)
-    path = tmp_path / "a.csv"
-    rows = (f"{g:.3f},{b:.5f},{e:.5f}" for g, b, e in zip(GAMMA, beta, e_n, strict=True))
-    path.write_text("\n".join(("gamma_deg,beta,e_n", *rows)), encoding="utf-8")
-    return path
+    return table_file(tmp_path / "a.csv", {"gamma_deg": GAMMA, "beta": beta, "e_n": e_n}, "%.5f")
 
 
 def test_a_scale_that_lets_fr_look_like_ifr_is_named(tmp_path):
@@ -41,9 +39,3 @@ def test_no_flaw_comes_up_to_the_closure_that_made_the_table(tmp_path, seed):
     assert found.ranked[0] == "ifr"
     assert rivals_with_flaws(found.entries, found.ranked) == {}
     assert "the verdict rests on" not in found.summary()
-
-
-def test_a_comparison_says_what_it_assumes(tmp_path):
-    text = compare(written(tmp_path, "ifr", {"e_t": -0.85}, 1.0, 1), ["fr", "ifr"], loo=False).summary()
-    assert "assumed: inertia factor 0.4 (solid sphere), no spin before impact" in text
-    assert "angles of incidence without an offset" in " ".join(text.split())

@@ -19,14 +19,10 @@ from ifrfit.inference.posterior import integrate, log_evidence
 SEED = np.random.SeedSequence(5)
 
 
-def fitted(data, closure="ifr", **choices):
-    return fit(data, closure=closure, **choices)
-
-
 @pytest.mark.parametrize("noise", ["known", "unknown"])
 def test_smoothed_weights_agree_with_refits(noise):
     data = observations("ifr", np.linspace(5, 80, 12), sigma=0.05, e_t=-0.85, seed=2)
-    result = fitted(data, fix={"e_n": 0.9}, noise=noise)
+    result = fit(data, fix={"e_n": 0.9}, noise=noise)
     found = loo_of(result, SEED)
     density = Density(result.problem)
     exact = [
@@ -58,7 +54,7 @@ def test_an_outlier_is_refitted_and_the_rest_is_not():
     data = observations("ifr", np.linspace(5, 80, 10), sigma=0.05, e_t=-0.85, seed=2)
     table = data.table
     table.loc[4, "value"] += 0.6
-    result = fitted(type(data)(table, data.sources), fix={"e_n": 0.9}, noise="known")
+    result = fit(type(data)(table, data.sources), fix={"e_n": 0.9}, noise="known")
     found = loo_of(result, SEED)
     assert found.refitted == ("line 5",)
     assert found.doubtful == ()
@@ -89,7 +85,7 @@ def test_rows_of_an_impact_are_left_out_together():
     data = observations(
         "ifr", np.linspace(8, 78, 8), ("beta_cm", "spin_y_after"), sigma=0.03, e_t=-0.85, impact_id=ids
     )
-    result = fitted(data, fix={"e_n": 0.9}, noise="known")
+    result = fit(data, fix={"e_n": 0.9}, noise="known")
     found = loo_of(result, SEED)
     assert found.impacts == tuple(f"impact i{k}" for k in range(8))
     keep = data.table["impact_id"].to_numpy() != "i3"
@@ -97,7 +93,7 @@ def test_rows_of_an_impact_are_left_out_together():
     exact = left_out(result.problem, result.distribution.log_evidence, keep)
     assert found.pointwise[3] == pytest.approx(exact, abs=0.1)
     # rows one by one would say something else
-    rows = loo_of(fitted(observations(
+    rows = loo_of(fit(observations(
         "ifr", np.linspace(8, 78, 8), ("beta_cm", "spin_y_after"), sigma=0.03, e_t=-0.85
     ), fix={"e_n": 0.9}, noise="known", independent=True), SEED)  # fmt: skip
     assert rows.pointwise.size == 16
@@ -106,7 +102,7 @@ def test_rows_of_an_impact_are_left_out_together():
 def test_rows_that_no_constant_moves_are_exact():
     """Closure F gives 0 to every sticking row: their weights are all the same."""
     data = observations("f", [4.0, 6.0, 40.0, 60.0, 80.0], sigma=0.05)
-    found = loo_of(fitted(data, "f", fix={"e_n": 0.9}, noise="known"), SEED)
+    found = loo_of(fit(data, closure="f", fix={"e_n": 0.9}, noise="known"), SEED)
     value = data.table["value"].to_numpy()
     for i in (0, 1):
         expected = -0.5 * (value[i] / 0.05) ** 2 - math.log(0.05 * math.sqrt(2.0 * math.pi))
@@ -118,7 +114,7 @@ def test_rows_that_no_constant_moves_are_exact():
 def test_differences_are_taken_impact_by_impact():
     data = observations("ifr", sigma=0.05, e_t=-0.7)
     found = {
-        name: loo_of(fitted(data, name, fix={"e_n": 0.9}, noise="known"), SEED) for name in ("fr", "ifr")
+        name: loo_of(fit(data, closure=name, fix={"e_n": 0.9}, noise="known"), SEED) for name in ("fr", "ifr")
     }
     both = with_differences(found)
     gap = both["fr"].pointwise - both["ifr"].pointwise
@@ -147,7 +143,7 @@ def test_too_many_rows_are_said(monkeypatch):
 def test_refits_keep_the_prior_of_the_noise():
     """The largest value sets the scale of the noise's prior: leaving it out must not change that prior."""
     data = observations("ifr", np.linspace(5, 80, 8), ("tan_psi_after",), sigma=0.05, e_t=-0.85, given=False)
-    result = fitted(data, fix={"e_n": 0.9})
+    result = fit(data, fix={"e_n": 0.9})
     density = Density(result.problem)
     largest = int(np.argmax(np.abs(data.table["value"].to_numpy())))
     found = left_out(result.problem, integrate(result.problem).log_evidence, density.impact != largest)

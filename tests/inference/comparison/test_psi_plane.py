@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ifrfit.inference.comparison.psi_plane import psi_plane, psi_rows
-from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics.closures import CLOSURES
 
 # closure, its constant, slope of sliding, slope of sliding less that of sticking; for inertia factor J
@@ -23,10 +22,6 @@ MADE = [
     ("ifr", {"e_t": -0.8}, lambda j: 0.8, lambda j: 1.0 + j),
     ("ifr-contact", {"e_t": -0.8}, lambda j: 0.8, lambda j: 1.0),
 ]
-
-
-def plane_of(data, closure="ifr", **choices):
-    return psi_plane([problem_of(data, name, **choices) for name in (closure, *CLOSURES) if name != ""])
 
 
 @pytest.mark.parametrize("case", MADE, ids=[case[0] for case in MADE])
@@ -164,14 +159,6 @@ def test_it_says_why_there_is_none(data, choices, says):
     assert says in plane.reason
     assert plane.sliding is None
     assert plane.difference is None
-
-
-def test_other_scatter_is_not_taken_for_gaussian():
-    from dataclasses import replace
-
-    problem = problem_of(observations("ifr", e_t=-0.8), "f", noise="known")
-    plane = psi_plane([replace(problem, error_model=ErrorModel(tails="student-t"))])
-    assert "Gaussian errors of the values only" in plane.reason
 
 
 @settings(max_examples=5)

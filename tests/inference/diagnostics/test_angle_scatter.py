@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from hard_cases.case import command
 from scipy import stats
 
@@ -46,9 +46,7 @@ def readings(
 
 
 def fitted(folder, table, **options):
-    path = folder / "impacts.csv"
-    table.to_csv(path, index=False)
-    return fit(path, **({"method": "lsq"} | options))
+    return fit(table_file(folder / "impacts.csv", table), **({"method": "lsq"} | options))
 
 
 def effective(fact, policy=None):
@@ -133,8 +131,7 @@ def test_words_for_what_the_remedy_needs(tmp_path):
 
 
 def test_a_closure_is_not_refuted_for_them(tmp_path):
-    path = tmp_path / "impacts.csv"
-    readings(1.2, 1, sigma=True).to_csv(path, index=False)
+    path = table_file(tmp_path / "impacts.csv", readings(1.2, 1, sigma=True))
     found = compare(path, ["f", "ifr"], loo=False).verdict
     assert "the law need not be the reason: the values scatter as if each angle" in found.says
 
@@ -158,6 +155,13 @@ def clean(request, tmp_path_factory):
     return result.problem, result.least_squares
 
 
+def misread(slopes, size, rng):
+    """The same slopes under residuals of errors of the angles, so many degrees, beside those of the noise."""
+    error = size * rng.standard_normal(slopes.impacts.max() + 1)
+    left = rng.standard_normal(slopes.left.size) + slopes.along * error[slopes.impacts]
+    return replace(slopes, left=left)
+
+
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("draws", rest_long((1000, 4000)))
 def test_p_values_of_exact_angles_are_those_of_chance(clean, known, draws):
@@ -178,9 +182,7 @@ def test_p_values_of_exact_angles_are_those_of_chance(clean, known, draws):
     # the control: errors of 1.5 degrees are seen
     seen = 0
     for _ in range(50):
-        of_impact = 1.5 * rng.standard_normal(slopes.impacts.max() + 1)
-        left = rng.standard_normal(slopes.left.size) + slopes.along * of_impact[slopes.impacts]
-        seen += careful_p(replace(slopes, left=left), unknown) < 1e-3
+        seen += careful_p(misread(slopes, 1.5, rng), unknown) < 1e-3
     assert seen > 30
 
 
@@ -188,14 +190,13 @@ def test_observables_of_one_impact_share_its_error(clean):
     """Where rows are taken for impacts of their own the same residuals say less."""
     problem, optimum = clean
     slopes, rng = slopes_of(problem, optimum), np.random.default_rng(2)
-    own = replace(slopes, impacts=np.arange(slopes.impacts.size))
+    own = np.arange(slopes.impacts.size)
     unknown = tuple(problem.rows.rows_of(name) for name in problem.rows.names)
     together, each = 0, 0
     for _ in range(60):
-        error = 0.8 * rng.standard_normal(slopes.impacts.max() + 1)
-        left = rng.standard_normal(slopes.left.size) + slopes.along * error[slopes.impacts]
-        together += careful_p(replace(slopes, left=left), unknown) < 1e-3
-        each += careful_p(replace(own, left=left), unknown) < 1e-3
+        drawn = misread(slopes, 0.8, rng)
+        together += careful_p(drawn, unknown) < 1e-3
+        each += careful_p(replace(drawn, impacts=own), unknown) < 1e-3
     # of one observable that knows the angle there is nothing to share
     assert together > each + 15 if problem.rows.names[0] == "v_x" else together == each
 
@@ -206,8 +207,7 @@ def test_many_rows_have_the_p_of_few(clean, monkeypatch):
     unknown = tuple(problem.rows.rows_of(name) for name in problem.rows.names)
     basis = np.linalg.qr(slopes.by_constant)[0]
     for _ in range(30):
-        error = 0.6 * rng.standard_normal(slopes.impacts.max() + 1)
-        left = rng.standard_normal(slopes.left.size) + slopes.along * error[slopes.impacts]
+        left = misread(slopes, 0.6, rng).left
         drawn = replace(slopes, left=left - basis @ (basis.T @ left))
         few = careful_p(drawn, unknown)
         monkeypatch.setattr("ifrfit.inference.diagnostics.angle_error_size._EXACT", 10)
@@ -220,14 +220,12 @@ def test_the_size_is_that_of_the_likelihood(clean):
     """Against the maximum over a grid of sizes, sigma known."""
     problem, optimum = clean
     slopes, rng = slopes_of(problem, optimum), np.random.default_rng(6)
-    error = rng.standard_normal(slopes.impacts.max() + 1)
-    left = rng.standard_normal(slopes.left.size) + slopes.along * error[slopes.impacts]
-    drawn = replace(slopes, left=left)
+    drawn = misread(slopes, 1.0, rng)
     found = fitted_errors(drawn, deviance_of(drawn, ()), ())
     grid = np.linspace(0.3, 2.0, 341)
     deviances = [_deviance(drawn, size) for size in grid]
     assert found.size == pytest.approx(grid[int(np.argmin(deviances))], abs=0.01)
-    assert found.fall == pytest.approx(float(left @ left) - min(deviances), rel=0.01)
+    assert found.fall == pytest.approx(float(drawn.left @ drawn.left) - min(deviances), rel=0.01)
     # what is left of them is independent and of size 1
     white = drawn.without(found)
     assert float((white.left**2).mean()) == pytest.approx(1.0, abs=0.35)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import table_file
 
 from ifrfit import fit
 from ifrfit.physics import rebound
 
 ANGLES = np.linspace(8.0, 50.0, 12)
-SUPERBALL = "gamma_deg,e_n,sigma_e_n,beta,sigma_beta\n25,0.78,0.01,0.49,0.03\n"
 
 
 def table(path, value, observable="beta", sigma=0.02):
-    rows = [f"{g},{v},{sigma}" for g, v in zip(ANGLES, value, strict=True)]
-    path.write_text("\n".join([f"gamma_deg,{observable},sigma", *rows]) + "\n", encoding="utf-8")
-    return path
+    return table_file(path, {"gamma_deg": ANGLES, observable: value, "sigma": sigma})
 
 
 def noisy(value, seed=0, sigma=0.02):
@@ -55,16 +53,6 @@ def test_the_wrong_sign_of_beta_may_lie_below_every_closure(tmp_path):
     assert "look at signs and at the angle's origin" in found.facts["beyond_closure"].says
 
 
-def test_one_impact_of_a_superball_refutes_closure_f_first(tmp_path):
-    """Superball on granite at 25 degrees: e 0.78, e_x 0.49 (Cross 2010, Table I)."""
-    path = tmp_path / "t.csv"
-    path.write_text(SUPERBALL, encoding="utf-8")
-    found = fit(path, closure="f", method="lsq")
-    assert found.summary().startswith("LOOK  readings lie beyond what the closure can give; ")
-    for closure in ("ifr", "fr", "ifr-contact"):
-        assert "beyond_closure" not in fit(path, closure=closure, method="lsq").facts
-
-
 def test_a_single_outlier_among_many_is_an_outlier(tmp_path):
     """Control: one of twelve readings far beyond the closure says nothing of the closure."""
     value = noisy(rebound(ANGLES, degrees=True, e_n=0.8, e_t=-0.9, mu=0.15).beta)
@@ -77,9 +65,8 @@ def test_a_single_outlier_among_many_is_an_outlier(tmp_path):
 def test_many_rows_of_few_are_no_outliers_to_leave_out(tmp_path):
     """beta of 0.2 in sticking, where IFR has 2/5 at least: so that five of seven rows are far off."""
     value = 0.2 + 0.02 * np.random.default_rng(0).standard_normal(7)
-    rows = [f"{g},{v},0.02" for g, v in zip(range(10, 45, 5), value, strict=True)]
-    (tmp_path / "t.csv").write_text("\n".join(["gamma_deg,beta,sigma", *rows]) + "\n", encoding="utf-8")
-    found = fit(tmp_path / "t.csv", method="lsq", fix={"e_n": 0.8})
+    path = table_file(tmp_path / "t.csv", {"gamma_deg": range(10, 45, 5), "beta": value, "sigma": 0.02})
+    found = fit(path, method="lsq", fix={"e_n": 0.8})
     assert found.summary().startswith("LOOK  the data contradict the closure")
     says = found.facts["outliers"].says
     assert "--exclude" not in says
@@ -97,9 +84,7 @@ def test_data_at_the_end_of_the_domain_are_not_beyond_it(tmp_path, seed):
 def unknown_noise(path, gamma, value):
     """The table without sigma, with readings of e_n about 0.9."""
     e_n = 0.9 + 0.02 * np.random.default_rng(99).standard_normal(gamma.size)
-    rows = [f"{g:.3f},{b:.6f},{e:.6f}" for g, b, e in zip(gamma, value, e_n, strict=True)]
-    path.write_text("\n".join(["gamma_deg,beta,e_n", *rows]) + "\n", encoding="utf-8")
-    return path
+    return table_file(path, {"gamma_deg": np.round(gamma, 3), "beta": value, "e_n": e_n}, "%.6f")
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 
 from ifrfit import fit, rebound
 
@@ -27,9 +27,7 @@ def fitted(folder, seed, *, mu=(0.14, 0.14), e_t=(-0.85, -0.85), n=40, is_sorted
         "beta": np.array(values) + 0.02 * rng.standard_normal(n),
         "e_n": 0.9 + 0.02 * rng.standard_normal(n),
     }
-    path = folder / "run.csv"
-    pd.DataFrame(table).to_csv(path, index=False)
-    return fit(path, method="lsq")
+    return fit(table_file(folder / "run.csv", table), method="lsq")
 
 
 @pytest.mark.parametrize("series", [1, 2])
@@ -70,9 +68,7 @@ def test_observables_under_one_another_are_in_the_order_of_the_angle_each(tmp_pa
     beta = rebound(gamma[:20], e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta
     value = np.concatenate((beta + 0.05 * np.sin(gamma[:20]), 0.9 + 0.01 * np.cos(gamma[:20])))
     table = {"observable": np.repeat(["beta", "e_n"], 20), "gamma_deg": gamma, "value": value}
-    path = tmp_path / "long.csv"
-    pd.DataFrame(table).to_csv(path, index=False)
-    tests = fit(path, method="lsq").facts["slips"].figures["tests"]
+    tests = fit(table_file(tmp_path / "long.csv", table), method="lsq").facts["slips"].figures["tests"]
     assert not any(name.endswith("drift") for name in tests)
 
 
@@ -91,8 +87,7 @@ def of_e_n(folder, seed, *, drift=0.0, noise=0.02, order=(), n=40):
     rows = pd.DataFrame(table)
     if order:
         rows = rows.sort_values(list(order))
-    rows.to_csv(folder / "run.csv", index=False)
-    return fit(folder / "run.csv", method="lsq").facts
+    return fit(table_file(folder / "run.csv", rows), method="lsq").facts
 
 
 @pytest.mark.parametrize("order", [("e_n",), ("series", "e_n")])
@@ -108,9 +103,8 @@ def test_a_table_that_was_sorted_by_e_n_does_not_drift(tmp_path, order, seeds):
 def test_two_rows_out_of_the_order_change_nothing(tmp_path):
     of_e_n(tmp_path, 0, order=("series", "e_n"))
     rows = pd.read_csv(tmp_path / "run.csv")
-    rows = rows.iloc[[*range(10), 11, 10, *range(12, 40)]]
-    rows.to_csv(tmp_path / "run.csv", index=False)
-    facts = fit(tmp_path / "run.csv", method="lsq").facts
+    path = table_file(tmp_path / "run.csv", rows.iloc[[*range(10), 11, 10, *range(12, 40)]])
+    facts = fit(path, method="lsq").facts
     assert facts["slips"].ok
     assert "independence" not in facts
 

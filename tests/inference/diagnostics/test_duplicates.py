@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most
+from factories import at_most, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.fit import fit
@@ -19,8 +19,7 @@ def repeats(path, decimals, seed):
     beta = rebound(GAMMA, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True).beta + 0.02 * rng.standard_normal(
         GAMMA.size
     )
-    rows = [f"{g:g},{b:.{decimals}f}" for g, b in zip(GAMMA, beta, strict=True)]
-    path.write_text("\n".join(["gamma_deg,beta", *rows]) + "\n", encoding="utf-8")
+    table_file(path, {"gamma_deg": GAMMA, "beta": beta}, f"%.{decimals}f")
     return fit(path, method="lsq", fix={"e_n": 0.9}).facts.get("duplicates")
 
 

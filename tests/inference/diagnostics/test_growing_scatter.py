@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from scipy import stats
 
 from ifrfit import fit, rebound
@@ -23,9 +22,7 @@ def fitted(folder, power, seed, noise=0.012, **columns):
         "beta": state.beta + sigma * rng.standard_normal(GAMMA.size),
         "e_n": 0.9 + 0.02 * rng.standard_normal(GAMMA.size),
     }
-    path = folder / "film.csv"
-    pd.DataFrame(table | columns).to_csv(path, index=False)
-    return fit(path, method="lsq")
+    return fit(table_file(folder / "film.csv", table | columns), method="lsq")
 
 
 @pytest.mark.parametrize("seeds", rest_long((5, 10)))

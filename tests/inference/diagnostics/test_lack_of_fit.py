@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 
 from ifrfit import compare, fit
 from ifrfit.physics import rebound
@@ -17,9 +17,7 @@ def table(path, seed, change, *, n=40, gamma=None, noise=0.02):
     beta = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta
     beta, e_n = change(gamma, beta, np.full(gamma.size, 0.9))
     beta, e_n = (value + noise * rng.standard_normal(gamma.size) for value in (beta, e_n))
-    rows = [f"{g:.3f},{b:.6f},{e:.6f}" for g, b, e in zip(gamma, beta, e_n, strict=True)]
-    path.write_text("\n".join(["gamma_deg,beta,e_n", *rows]) + "\n", encoding="utf-8")
-    return path
+    return table_file(path, {"gamma_deg": np.round(gamma, 3), "beta": beta, "e_n": e_n}, "%.6f")
 
 
 def gained(gamma, beta, e_n):

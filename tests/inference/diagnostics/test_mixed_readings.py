@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 
 from ifrfit import fit, rebound
 
@@ -25,9 +24,8 @@ def fitted(folder, rows, kind, seed):
         gamma[rows] = 90.0 - gamma[rows]
     elif kind == "angle-in-radians":
         gamma[rows] = np.round(np.radians(gamma[rows]), 3)
-    path = folder / "mixed.csv"
     e_n = 0.9 + 0.02 * rng.standard_normal(30)
-    pd.DataFrame({"gamma_deg": gamma, "beta": beta, "e_n": e_n}).to_csv(path, index=False)
+    path = table_file(folder / "mixed.csv", {"gamma_deg": gamma, "beta": beta, "e_n": e_n})
     return fit(path, method="lsq")
 
 
@@ -68,7 +66,6 @@ def test_scatter_alone_is_not_divided(tmp_path, seeds):
         rng = np.random.default_rng(seed)
         gamma = rng.uniform(42.0, 50.0, 25)
         state = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
-        path = tmp_path / "narrow.csv"
         beta = state.beta + 0.2 * rng.standard_normal(25)
-        pd.DataFrame({"gamma_deg": gamma, "beta": beta}).to_csv(path, index=False)
+        path = table_file(tmp_path / "narrow.csv", {"gamma_deg": gamma, "beta": beta})
         assert fit(path, method="lsq", fix={"e_n": 0.9}).facts["slips"].ok

@@ -42,11 +42,6 @@ def test_what_the_data_do_not_see_is_not_contradicted(path):
     assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.5}).facts
 
 
-def test_a_bound_says_what_the_data_say_without_it(path):
-    says = fit(path, method="lsq", fix={"e_n": 0.94}, bounds={"mu": (0.0, 0.1)}).facts["prior_conflict"].says
-    assert "without --bounds mu they say 0.1" in says
-
-
 @pytest.mark.parametrize(
     "bounds", [{"e_t": (-1.0, -0.5)}, {"e_t": (-0.99, -0.5)}, {"mu": (0.05, 0.5)}], ids=str
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from scipy import stats
 
 from ifrfit import fit, rebound
@@ -26,8 +26,7 @@ def fitted(
     state = rebound(true_gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
     beta = state.beta + 0.03 * rng.standard_normal(gamma.size) + off.get("beta", 0.0)
     e_n = 0.9 + 0.02 * rng.standard_normal(gamma.size) + off.get("e_n", 0.0)
-    path = folder / "repeats.csv"
-    pd.DataFrame({"gamma_deg": gamma, "beta": beta, "e_n": e_n}).to_csv(path, index=False)
+    path = table_file(folder / "repeats.csv", {"gamma_deg": gamma, "beta": beta, "e_n": e_n})
     return fit(path, method="lsq")
 
 
@@ -80,9 +79,8 @@ def test_readings_of_one_impact_are_no_repeats(tmp_path):
     assert result.facts["lack_of_fit"].figures["test"] == "smooth departure of means"
     # the remedy holds: of rows of one impact_id one counts
     table = pd.read_csv(tmp_path / "repeats.csv")
-    table["impact_id"] = np.tile(np.arange(30), 2)
-    table.to_csv(tmp_path / "numbered.csv", index=False)
-    numbered = fit(tmp_path / "numbered.csv", method="lsq")
+    numbers = np.tile(np.arange(30), 2)
+    numbered = fit(table_file(tmp_path / "numbered.csv", table.assign(impact_id=numbers)), method="lsq")
     assert len(numbered.points) == 60
     assert failing(numbered) == set()
 
@@ -133,8 +131,7 @@ def test_angles_that_constants_explain_contradict_nothing(tmp_path):
     state = rebound(gamma, closure="f", e_n=0.73, mu=0.165, degrees=True)
     frame = pd.DataFrame({"gamma_deg": gamma, "beta_cm": state.beta_cm, "tan_psi_out": state.tan_psi_out})
     frame.iloc[:, 1:] += 0.008 * rng.standard_normal((gamma.size, 2))
-    path = tmp_path / "repeats.csv"
-    frame.to_csv(path, index=False)
+    path = table_file(tmp_path / "repeats.csv", frame)
     fact = fit(path, closure="f", fix={"e_n": 0.73}, method="lsq").facts["lack_of_fit"]
     assert fact.ok, fact.says
     assert all(p > 0.001 for p in fact.figures["p_pure"].values())

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.fit import fit
@@ -43,22 +44,21 @@ def test_a_law_of_sticking_stands_beside_an_inertia_factor():
     assert "ifrfit compare tells closures from one another first" in facts["slips"].says
 
 
-def of_series(seed, offsets, mu):
+def of_series(path, seed, offsets, mu):
     """Five series of 40 readings of beta each, with true angles and mu of their own."""
     rng = np.random.default_rng([seed, 6])
-    text = "series,observable,gamma_deg,value\n"
+    parts = []
     for number, (offset, own) in enumerate(zip(offsets, mu, strict=True)):
         gamma = rng.uniform(5.0, 80.0, 40)
         beta = rebound(gamma + offset, e_n=0.9, e_t=-0.85, mu=own, degrees=True).beta
         beta = beta + 0.02 * rng.standard_normal(gamma.size)
-        text += "".join(f"S{number},beta,{g},{b}\n" for g, b in zip(gamma, beta, strict=True))
-    return text
+        parts.append(pd.DataFrame({"series": f"S{number}", "gamma_deg": gamma, "beta": beta}))
+    return table_file(path, pd.concat(parts))
 
 
 @pytest.mark.parametrize("seed", rest_long(range(10), 3))
 def test_angles_that_are_off_by_series_are_looked_at_before_mu_of_each(tmp_path, seed):
-    path = tmp_path / "t.csv"
-    path.write_text(of_series(seed, (-2.0, -1.0, 0.0, 1.0, 2.0), (0.14,) * 5), encoding="utf-8")
+    path = of_series(tmp_path / "t.csv", seed, (-2.0, -1.0, 0.0, 1.0, 2.0), (0.14,) * 5)
     says = fit(path, method="lsq", fix={"e_n": 0.9}).facts["pooling"].says
     assert "or their angles of incidence are off by" in says
     assert says.endswith("check the zero of the angle in each; only then --separate mu")
@@ -66,8 +66,7 @@ def test_angles_that_are_off_by_series_are_looked_at_before_mu_of_each(tmp_path,
 
 @pytest.mark.parametrize("seed", rest_long(range(5), 2))
 def test_mu_of_each_series_is_no_offset(tmp_path, seed):
-    path = tmp_path / "t.csv"
-    path.write_text(of_series(seed, (0.0,) * 5, (0.10, 0.12, 0.14, 0.16, 0.18)), encoding="utf-8")
+    path = of_series(tmp_path / "t.csv", seed, (0.0,) * 5, (0.10, 0.12, 0.14, 0.16, 0.18))
     says = fit(path, method="lsq", fix={"e_n": 0.9}).facts["pooling"].says
     assert "off by" not in says
     assert says.endswith("--separate mu")
@@ -113,12 +112,6 @@ def test_a_prior_of_e_n_speaks_against_a_scale():
     assert "speed-scale" not in known.facts["slips"].figures["called"]
 
 
-def written(path, columns):
-    rows = [",".join(f"{x:.6f}" for x in row) for row in zip(*columns.values(), strict=True)]
-    path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
-    return path
-
-
 @pytest.mark.parametrize("seeds", rest_long((2, 20)))
 def test_an_offset_at_the_wall_is_none(tmp_path, seeds):
     """beta formed with half of the spin: angles explain the more of it the nearer they come to the wall."""
@@ -128,7 +121,7 @@ def test_an_offset_at_the_wall_is_none(tmp_path, seeds):
         impact = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
         beta = -(impact.v_x + 0.5 * impact.spin_y) / np.sin(np.radians(gamma))
         beta, e_n = beta + 0.03 * rng.standard_normal(40), 0.9 + 0.02 * rng.standard_normal(40)
-        path = written(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "e_n": e_n})
+        path = table_file(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "e_n": e_n}, "%.6f")
         facts = fit(path, method="lsq").facts
         assert "angle-offset" not in facts["slips"].figures["called"], facts["slips"].says
         assert not facts["lack_of_fit"].ok
@@ -141,7 +134,7 @@ def test_an_offset_that_the_angles_have_room_for_is_named(tmp_path, offset):
     gamma = rng.uniform(8.0, 75.0, 40)
     impact = rebound(gamma + offset, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
     beta, v_n = impact.beta + 0.01 * rng.standard_normal(40), impact.v_n + 0.01 * rng.standard_normal(40)
-    path = written(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "v_n": v_n})
+    path = table_file(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "v_n": v_n}, "%.6f")
     slips = fit(path, method="lsq").facts["slips"]
     assert "angle-offset" in slips.figures["called"], slips.says
 
@@ -156,16 +149,3 @@ def test_lengths_along_the_wall_to_another_scale_stand_beside_the_spins(size):
     assert "pixels are squares" in fact.says
     found = fact.figures["tests"]["scale-along-wall"]
     assert abs(found["size"] - size) < 3.0 * found["sd"]
-
-
-def test_a_restitution_of_energies_is_told_by_its_square(tmp_path):
-    gamma = np.linspace(4.0, 80.0, 40)
-    made = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.85, mu=0.14)
-    rng = np.random.default_rng(1)
-    energy = np.asarray(made.beta_tot) ** 2 + 0.01 * rng.standard_normal(gamma.size)
-    path = tmp_path / "a.csv"
-    rows = (f"{g:.3f},{e:.5f}" for g, e in zip(gamma, energy, strict=True))
-    path.write_text("\n".join(("gamma_deg,beta_tot", *rows)), encoding="utf-8")
-    fact = fit(path, method="lsq").facts["slips"]
-    assert fact.figures["called"][0] == "squared beta_tot", fact.says
-    assert "take the square root of beta_tot" in fact.says

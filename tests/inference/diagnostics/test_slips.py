@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import slips_study
-from factories import at_most, impacts_file, rest_long
+from factories import at_most, impacts_file, rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.diagnostics.slips.messages import slip_words
@@ -139,26 +139,18 @@ def test_few_rows_say_so(tmp_path):
     assert says == "too few rows to tell a slip in the table"
 
 
-def written(path, header, gamma, value, noise=0.01):
-    rng = np.random.default_rng(5)
-    value = value + noise * rng.standard_normal(value.size)
-    rows = "".join(f"{g:.4f},{v:.4f}\n" for g, v in zip(gamma, value, strict=True))
-    path.write_text(f"{header}\n{rows}", encoding="utf-8")
-    return path
-
-
 TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
 
 
 @pytest.mark.parametrize(
-    ("header", "gamma", "value", "option"),
+    ("observable", "gamma", "value", "option"),
     [
-        ("gamma_deg,beta", 90.0 - ANGLES, TRUE.beta, "--convention angle=from-wall"),
-        ("gamma_deg,beta", ANGLES, -TRUE.beta, "--convention beta=opposite-sign"),
-        ("gamma_deg,beta", ANGLES, TRUE.beta_cm, "--convention beta=centre"),
-        ("gamma_deg,beta", np.radians(ANGLES), TRUE.beta, "--convention angle=rad"),
+        ("beta", 90.0 - ANGLES, TRUE.beta, "--convention angle=from-wall"),
+        ("beta", ANGLES, -TRUE.beta, "--convention beta=opposite-sign"),
+        ("beta", ANGLES, TRUE.beta_cm, "--convention beta=centre"),
+        ("beta", np.radians(ANGLES), TRUE.beta, "--convention angle=rad"),
         (
-            "gamma_deg,psi_after_deg",
+            "psi_after_deg",
             ANGLES,
             np.degrees(TRUE.psi_out),
             "--convention column:psi_out_deg=psi_after_deg",
@@ -166,43 +158,15 @@ TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
     ],
     ids=["wall", "sign", "centre", "radians", "outgoing"],
 )
-def test_the_option_that_is_named_mends_it(tmp_path, header, gamma, value, option):
-    path = written(tmp_path / "t.csv", header, gamma, value)
+def test_the_option_that_is_named_mends_it(tmp_path, observable, gamma, value, option):
+    noisy = value + 0.01 * np.random.default_rng(5).standard_normal(value.size)
+    path = table_file(tmp_path / "t.csv", {"gamma_deg": gamma, observable: noisy}, "%.4f")
     slips = fit(path, method="lsq", fix={"e_n": 0.8}).facts["slips"]
     assert not slips.ok
     assert slips.says.endswith(option), slips.says
     mended = fit(path, method="lsq", fix={"e_n": 0.8}, convention=[shlex.split(option)[1]])
     assert mended.facts["slips"].ok, mended.facts["slips"].says
     assert mended.facts["lack_of_fit"].ok
-
-
-def test_an_inertia_factor_is_that_of_a_body():
-    result = fitted(RAW, Cause("inertia-factor", 2.0 / 3.0), 2)
-    assert "(thin hollow ball 0.6667)" in result.facts["slips"].says
-    assert "--inertia-factor 0.6667" in result.facts["slips"].says
-    data = experiment(RAW, Cause("inertia-factor", 2.0 / 3.0), 2)
-    assert fit(data, method="lsq", independent=True, inertia_factor=2.0 / 3.0).facts["slips"].ok
-
-
-def test_zeros_that_stand_for_nothing_are_named_by_their_lines():
-    result = fitted(BETA, Cause("zero-for-missing beta", 2), 4)
-    table = result.problem.observations.table
-    lines = table["row"][table["value"] == 0.0].tolist()
-    says = result.facts["slips"].says
-    assert says.endswith("empty these cells, or " + " ".join(f"--exclude {line}" for line in lines))
-
-
-def test_series_that_differ_are_no_slip():
-    """Two walls of another mu: pooling says it, neither a slip nor friction by speed."""
-    one, other = (experiment(RAW, Cause(), seed).table for seed in (1, 2))
-    other["series"] = "other"
-    other["impact_id"] = "b" + other["impact_id"]
-    import pandas as pd
-
-    data = type(experiment(RAW, Cause(), 1))(pd.concat((one, other), ignore_index=True))
-    facts = fit(data, method="lsq", independent=True).facts
-    assert not facts["pooling"].ok
-    assert "effects" not in facts
 
 
 @pytest.mark.parametrize(
@@ -297,10 +261,7 @@ def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
         "omega_y_after_rad_s": 200.0 * state.spin_y + rng.standard_normal(ANGLES.size),
         "radius_mm": np.full(ANGLES.size, 5.0),
     }
-    rows = "".join(",".join(f"{x:.6g}" for x in row) + "\n" for row in zip(*columns.values(), strict=True))
-    path = tmp_path / "t.csv"
-    path.write_text(",".join(columns) + "\n" + rows, encoding="utf-8")
-    facts = fit(path, method="lsq").facts
+    facts = fit(table_file(tmp_path / "t.csv", columns, "%.6g"), method="lsq").facts
     failing = [name for name, fact in facts.items() if not fact.ok]
     assert failing[:2] == ["slips", "angular_momentum"]
     assert facts["slips"].figures["called"][0] == "spins-halved spin_y_after"

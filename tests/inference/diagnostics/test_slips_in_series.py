@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from factories import rest_long
+from factories import rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.data.observations import Observations
@@ -53,9 +53,8 @@ def test_the_series_is_named(scene, cause, called, words):
 def test_what_is_advised_mends_it(tmp_path):
     """Fitted alone with the option, the series is described."""
     data = experiment(BETA, Cause("angle-from-wall", in_b=True), 2)
-    path = tmp_path / "t.csv"
     rows = data.table[["gamma_deg", "series", "value"]].rename(columns={"value": "beta"})
-    path.write_text(rows.to_csv(index=False), encoding="utf-8")
+    path = table_file(tmp_path / "t.csv", rows)
     says = fit(path, method="lsq", fix=E_N).facts["slips"].says
     assert "--series B (--convention angle=from-wall)" in says
     mended = fit(path, method="lsq", fix=E_N, series="B", convention=["angle=from-wall"])

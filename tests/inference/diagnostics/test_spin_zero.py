@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from factories import table_file
 
 from ifrfit import fit, rebound
 
@@ -26,8 +27,7 @@ def table(zero: float, names: tuple[str, ...], seed: int) -> pd.DataFrame:
 
 
 def fitted(folder, data: pd.DataFrame):
-    path = folder / "impacts.csv"
-    data.to_csv(path, index=False)
+    path = table_file(folder / "impacts.csv", data)
     return fit(path, method="lsq", **({"fix": {"e_n": 0.9}} if list(data)[2:] == ["beta"] else {}))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from factories import table_file
 
 from ifrfit import fit
 from ifrfit.physics import rebound
@@ -23,13 +24,11 @@ def raw(path, tilt=0.0, spin=1.0):
         "u_z_m_s": cosine * np.cos(turn) - sine * np.sin(turn),
         "v_x_m_s": v_x * np.cos(turn) - v_n * np.sin(turn),
         "v_z_m_s": -(v_n * np.cos(turn) + v_x * np.sin(turn)),
-        "omega_y_rad_s": np.zeros(ANGLES.size),
+        "omega_y_rad_s": 0.0,
         "omega_y_after_rad_s": spin * (state.spin_y + 0.005 * rng.standard_normal(ANGLES.size)) / RADIUS,
-        "radius_mm": np.full(ANGLES.size, 1e3 * RADIUS),
+        "radius_mm": 1e3 * RADIUS,
     }
-    rows = "".join(",".join(f"{x:.6g}" for x in row) + "\n" for row in zip(*columns.values(), strict=True))
-    path.write_text(",".join(columns) + "\n" + rows, encoding="utf-8")
-    return path
+    return table_file(path, columns, "%.6g")
 
 
 def test_what_follows_from_a_slip_advises_no_other_remedy(tmp_path):
@@ -55,19 +54,16 @@ def test_an_inertia_factor_that_no_ball_has_is_not_advised(tmp_path):
     assert "close, so that no inertia factor is the reason: look at the unit and the sign" in fact.says
 
 
-def copied(path, sigma, provenance="measured"):
+def copied(path, provenance="measured"):
     rng = np.random.default_rng(4)
     beta = rebound(ANGLES, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta
     beta = beta + 0.03 * rng.standard_normal(beta.size)
-    rows = "".join(
-        f"{g:.2f},{b:.5f},0.91327,{sigma},{provenance}\n" for g, b in zip(ANGLES, beta, strict=True)
-    )
-    path.write_text(f"gamma_deg,beta,e_n,sigma_e_n,provenance\n{rows}", encoding="utf-8")
-    return path
+    columns = {"gamma_deg": ANGLES, "beta": beta, "e_n": 0.91327, "sigma_e_n": 0.02, "provenance": provenance}
+    return table_file(path, columns, "%.5f")
 
 
 def test_a_mean_that_was_copied_down_is_one_reading(tmp_path):
-    result = fit(copied(tmp_path / "t.csv", "0.02"), method="lsq")
+    result = fit(copied(tmp_path / "t.csv"), method="lsq")
     fact = result.facts["repeated_number"]
     assert not fact.ok
     assert fact.says.startswith(
@@ -79,5 +75,5 @@ def test_a_mean_that_was_copied_down_is_one_reading(tmp_path):
 
 
 def test_simulated_readings_may_be_one_number(tmp_path):
-    facts = fit(copied(tmp_path / "t.csv", "0.02", "simulated"), method="lsq").facts
+    facts = fit(copied(tmp_path / "t.csv", "simulated"), method="lsq").facts
     assert "repeated_number" not in facts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import BILINEAR
+from factories import BILINEAR, table_file
 
 import ifrfit
 from ifrfit import AngleErrors, Noise
@@ -35,14 +35,10 @@ def table_of(tmp_path, observables=("beta",), *, sigma=0.05, sigma_gamma=1.5, n=
     }
     columns = {"gamma_deg": gamma} | {o: values[o] + 0.05 * rng.standard_normal(n) for o in observables}
     if sigma:
-        columns |= {f"sigma_{o}": np.full(n, sigma) for o in observables}
+        columns |= {f"sigma_{o}": sigma for o in observables}
     if sigma_gamma:
-        columns["sigma_gamma_deg"] = np.full(n, sigma_gamma)
-    lines = [",".join(columns)]
-    lines += [",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True)]
-    path = tmp_path / name
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+        columns["sigma_gamma_deg"] = sigma_gamma
+    return table_file(tmp_path / name, columns, "%.6g")
 
 
 def said(call):

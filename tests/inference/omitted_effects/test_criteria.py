@@ -85,13 +85,6 @@ def test_kharaz_calls_for_compliance_by_residuals_and_by_conditions(kharaz):
     assert "by its conditions the scene calls for compliance, as the residuals do" in text
 
 
-def test_oblique_kharaz_calls_for_nothing():
-    oblique = fit("kharaz-2001", method="lsq", gamma_min=15, prior={"e_n": (0.98, 0.01)})
-    assert oblique.facts["effects"].ok
-    assert "no effect shows in the residuals" in oblique.summary()
-    assert not line(oblique, "compliance").visible
-
-
 def test_maw_holds_it(kharaz):
     maw = fit("kharaz-2001", method="lsq", closure="maw")
     assert line(maw, "compliance").says == "in the closure"

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import problem_of
 from random_problems import random_problem
+from simulated import simulated
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics.thresholds import GAP
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.decomposition import Decomposition, GaussianMember, PiecewiseMember
 from ifrfit.inference.optimize.linear_families import kappa_form
@@ -20,7 +19,6 @@ from ifrfit.inference.optimize.piecewise import PiecewiseProblem
 from ifrfit.inference.optimize.scalar_search import minimum_near, scalar_minima
 from ifrfit.inference.optimize.shared_parameter import LinkedGroups, fix_restitution
 from ifrfit.inference.optimize.solve import series_groups, whole_group
-from ifrfit.physics.closures import get_closure
 from ifrfit.physics.rebound import rebound
 
 C, KAPPA = 0, 1
@@ -34,11 +32,8 @@ def group_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) 
     own = {"ifr": {"e_t": -0.8}, "fr": {"beta0": 0.4}}[closure]
     value = rebound(gamma, e_n=0.9, mu=0.2, closure=closure, degrees=True, **own).beta
     value = value + rng.normal(0.0, sigma, n)
-    columns = {"series": "a", "observable": "beta", "gamma_deg": gamma, "value": value}
-    table = make_table({**columns, "sigma": np.full(n, sigma)})
-    chosen = get_closure(closure)
-    constants = make_parameters(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
-    problem = make_problem(Observations(table), chosen, 0.4, constants, "known")
+    fix = {"e_n": 0.9, **choices.pop("fix", {})}
+    problem = problem_of(simulated("beta", gamma, value, sigma), closure, noise="known", fix=fix, **choices)
     return whole_group(problem, problem.noise.sigma)
 
 
@@ -165,8 +160,10 @@ def linked_random_problems(number: int) -> list[Decomposition]:
         table = problem.observations.table.copy()
         table["series"] = [f"s{i % int(rng.integers(2, 4))}" for i in range(len(table))]
         separate, shared = (("mu",), closure.constant) if rng.random() < 0.5 else ((closure.constant,), "mu")
-        constants = make_parameters(closure, problem.inertia_factor, fix={"e_n": fixed}, separate=separate)
-        problem = make_problem(Observations(table), closure, problem.inertia_factor, constants, "known")
+        problem = problem_of(
+            table, closure.name, noise="known", inertia_factor=problem.inertia_factor, fix={"e_n": fixed},
+            separate=separate,
+        )  # fmt: skip
         groups, _ = fix_restitution(
             series_groups(problem, problem.noise.sigma), whole_group(problem, problem.noise.sigma)
         )

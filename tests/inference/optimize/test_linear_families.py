@@ -6,15 +6,14 @@ import itertools
 
 import numpy as np
 import pytest
-from factories import BILINEAR, own_constant
+from factories import BILINEAR, own_constant, problem_of
+from simulated import simulated
 
 import ifrfit
 from ifrfit.data import read
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure
+from ifrfit.physics import CLOSURES, OBSERVABLES
 
 GAMMA = np.linspace(4.0, 86.0, 25)
 # linear in the impulse whatever e_n is, and not zero without lateral spin
@@ -23,11 +22,6 @@ ONE_SCALE = [
     for name, each in OBSERVABLES.items()
     if each.kind == "tangential" and each.scale == "one" and each.takes & {"Tx", "Sy"}
 ]
-
-
-def problem_of(path, closure="ifr", **choices):
-    chosen = get_closure(closure)
-    return make_problem(read(path), chosen, 0.4, make_parameters(chosen, 0.4, **choices), "known")
 
 
 ROADS = {
@@ -50,7 +44,7 @@ ROADS = {
 def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts):
     observables, choices, road = ROADS[name]
     path = impacts(gamma=GAMMA, observables=observables, noise=0.03, sigma=0.03, seed=4)
-    problem = problem_of(path, **choices)
+    problem = problem_of(read(path), **choices)
     found = solve(problem, problem.noise.sigma)
     assert found.method == road
     assert found.certified
@@ -64,7 +58,7 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
 @pytest.mark.parametrize("name", ROADS)
 def test_noise_free_constants_come_back(name, impacts):
     observables, choices, _ = ROADS[name]
-    problem = problem_of(impacts(gamma=GAMMA, observables=observables, sigma=0.05), **choices)
+    problem = problem_of(read(impacts(gamma=GAMMA, observables=observables, sigma=0.05)), **choices)
     found = solve(problem, problem.noise.sigma)
     # where e_n is searched for, its place is known to the square root of rounding
     places = 1e-10 if found.method == "all partitions" else 1e-6
@@ -105,7 +99,7 @@ def test_separate_friction_is_certified_through_the_dual(impacts):
         for i, mu in enumerate((0.08, 0.12, 0.3))
     ]
     path = impacts(*parts)
-    problem = problem_of(path, fix={"e_n": 0.94}, separate=("mu",))
+    problem = problem_of(read(path), fix={"e_n": 0.94}, separate=("mu",))
     found = solve(problem, problem.noise.sigma)
     assert found.certified
     assert found.method.startswith("all partitions of each series")
@@ -127,7 +121,8 @@ def test_a_prior_on_the_shared_constant_takes_part_in_the_proof(impacts):
         {"gamma": GAMMA, "mu": mu, "series": f"run {mu}", "noise": 0.05, "sigma": 0.05, "seed": i}
         for i, mu in enumerate((0.08, 0.15, 0.3))
     ]
-    problem = problem_of(impacts(*parts), fix={"e_n": 0.94}, separate=("mu",), prior={"e_t": (-0.7, 0.02)})
+    prior = {"e_t": (-0.7, 0.02)}
+    problem = problem_of(read(impacts(*parts)), fix={"e_n": 0.94}, separate=("mu",), prior=prior)
     found = solve(problem, problem.noise.sigma)
     assert found.certified
     assert found.objective == pytest.approx(objective_at(problem, problem.noise.sigma, found.theta), rel=1e-9)
@@ -151,13 +146,12 @@ def test_all_constants_separate_equals_fits_one_by_one(impacts):
 @pytest.mark.parametrize(
     "choices", [{}, {"prior": {"mu": (0.2, 0.05), "e_n": (0.9, 0.02)}}, {"fix": {"mu": 0.1}}]
 )
-def test_without_oblique_rows_every_closure_has_the_means_as_its_proven_optimum(closure, choices, tmp_path):
+def test_without_oblique_rows_every_closure_has_the_means_as_its_proven_optimum(closure, choices):
     rng = np.random.default_rng(5)
     e_n, mu = rng.normal(0.94, 0.02, 30), rng.normal(0.15, 0.05, 20)
-    lines = [f"e_n,0,{x!r},0.02" for x in e_n.tolist()] + [f"mu,60,{x!r},0.05" for x in mu.tolist()]
-    path = tmp_path / "apart.csv"
-    path.write_text("observable,gamma_deg,value,sigma\n" + "\n".join(lines))
-    problem = problem_of(path, closure, **choices)
+    gamma, sigma = np.repeat([0.0, 60.0], [30, 20]), np.repeat([0.02, 0.05], [30, 20])
+    data = simulated(np.repeat(["e_n", "mu"], [30, 20]), gamma, np.concatenate([e_n, mu]), sigma)
+    problem = problem_of(data, closure, **choices)
     found = solve(problem, problem.noise.sigma)
     assert found.certified
     assert (found.gap, found.n_near) == (0.0, 1)

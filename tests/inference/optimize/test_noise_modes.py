@@ -6,28 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from factories import BILINEAR, impacts_file, own_constant
+from factories import BILINEAR, impacts_file, own_constant, problem_of
 from scipy.optimize import minimize
 
 from ifrfit import fit
+from ifrfit.data import read
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
-from ifrfit.inference.fit import make_question
 from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, _inverses
 from ifrfit.inference.optimize.least_squares import least_squares, refit
 from ifrfit.inference.optimize.noise_components import noise_components, without_restitution
 from ifrfit.inference.optimize.noise_modes import noise_factors, noise_modes
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.inference.options import Model, Noise
-from ifrfit.physics.closures import get_closure
 
 ANGLES = np.linspace(4.0, 84.0, 17)
 SERIES = ({"mu": 0.14, "c": -0.85, "series": "A"}, {"mu": 0.25, "c": -0.70, "series": "B"})
 
 
 def question(path, closure="ifr", **choices):
-    model = Model(closure, **choices)
-    asked = replace(make_question(path, model, Noise("unknown"), 0, None, {}), separate_noise=True)
-    return asked.problem(get_closure(closure), model.parameters(asked.inertia_factor))
+    return problem_of(read(path), closure, noise="unknown", separate_noise=True, **choices)
 
 
 def contradiction(path, seed, noise=0.02):

@@ -40,19 +40,22 @@ def closures_with_e_n() -> dict[str, Question]:
     return made
 
 
+def known_by(precise: Precise) -> dict[str, Any]:
+    moments = {name: {"mean": m, "sd": s} for name, (m, s) in precise.moments().items()}
+    return {"log_evidence": precise.log_evidence(), "quantities": moments}
+
+
 @pytest.mark.parametrize("name", rest_long(closures_with_e_n(), 4))
 def test_tangential_beside_e_n_to_seven_digits(name: str) -> None:
     question = closures_with_e_n()[name]
     post = integrate(question.problem(), tolerance=1e-8)
     precise = Precise(question, order=10)
-    moments = {name: {"mean": m, "sd": s} for name, (m, s) in precise.moments().items()}
-    known = {"log_evidence": precise.log_evidence(), "quantities": moments}
-    check(post, known, 1e-7)
-    for p in (0.025,):
-        if question.own:
-            assert abs(precise.cdf_c(float(post.quantile(question.own, p))) - p) < 3e-8
-        if question.closure != "fr":
-            assert abs(precise.cdf_kappa(float(post.quantile("kappa", p))) - p) < 3e-8
+    check(post, known_by(precise), 1e-7)
+    p = 0.025
+    if question.own:
+        assert abs(precise.cdf_c(float(post.quantile(question.own, p))) - p) < 3e-8
+    if question.closure != "fr":
+        assert abs(precise.cdf_kappa(float(post.quantile("kappa", p))) - p) < 3e-8
 
 
 @pytest.mark.parametrize(
@@ -74,12 +77,7 @@ def test_tangential_beside_e_n_to_seven_digits(name: str) -> None:
     ids=["all three", "mu near its bound", "FR", "e_n beyond its bound"],
 )
 def test_gaussian_priors(question: Question) -> None:
-    precise = Precise(question, order=10)
-    known = {
-        "log_evidence": precise.log_evidence(),
-        "quantities": {name: {"mean": m, "sd": s} for name, (m, s) in precise.moments().items()},
-    }
-    check(integrate(question.problem(), tolerance=1e-8), known, 1e-7)
+    check(integrate(question.problem(), tolerance=1e-8), known_by(Precise(question, order=10)), 1e-7)
 
 
 @pytest.mark.parametrize(

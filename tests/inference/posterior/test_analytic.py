@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpmath import mp, mpf
-from posterior_agreement import check
+from posterior_agreement import check, normal, uniform
 from posterior_questions import LEVELS, Question, Row, measured
-from scipy import special
 
 from ifrfit.inference.posterior import integrate
 
@@ -51,15 +50,6 @@ def bisect(f: Callable[[Any], Any], low: Any, high: Any, turns: int = 60) -> Any
         middle = (low + high) / 2
         low, high = (middle, high) if f(middle) < 0 else (low, middle)
     return (low + high) / 2
-
-
-def uniform(low: float, high: float) -> dict[str, Any]:
-    """A uniform law."""
-    return {
-        "mean": 0.5 * (low + high),
-        "sd": (high - low) / math.sqrt(12.0),
-        "quantiles": [low + p * (high - low) for p in LEVELS],
-    }
 
 
 def scaled(law: dict[str, Any], factor: float) -> dict[str, Any]:
@@ -176,17 +166,15 @@ def sliding_law(rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray, float]:
     return centre, np.linalg.inv(precision), float(log_z)
 
 
-def normal(mean: float, sd: float) -> dict[str, Any]:
-    """A normal law."""
-    return {"mean": mean, "sd": sd, "quantiles": [mean + sd * float(special.ndtri(p)) for p in LEVELS]}
+def marginals(centre: np.ndarray, covariance: np.ndarray) -> tuple[dict[str, Any], ...]:
+    """The normal law of each of (e_t, kappa)."""
+    return tuple(map(normal, centre.tolist(), np.sqrt(np.diag(covariance)).tolist()))
 
 
 def test_sliding_only_is_jointly_normal() -> None:
     rows = measured("beta", FLAT, seed=3, sigma=0.004, e_n=0.9, c=-0.7, mu=0.15)
     centre, covariance, log_z = sliding_law(rows)
-    e_t, kappa = (
-        normal(m, v**0.5) for m, v in zip(centre.tolist(), np.diag(covariance).tolist(), strict=True)
-    )
+    e_t, kappa = marginals(centre, covariance)
     post = integrate(Question(rows, fix={"e_n": 0.9}).problem(), tolerance=1e-9)
     known = {
         "log_evidence": log_z - math.log(0.6) - math.log(2.0 * 1.9),
@@ -203,9 +191,7 @@ def test_beta_alone_leaves_e_n_to_the_prior_of_mu() -> None:
     # mu = kappa/(1 + e_n) is uniform, so that e_n has the density 1/((1 + e_n) log 2), kappa whatever it be
     rows = measured("beta", FLAT, seed=4, sigma=0.004, e_n=0.9, c=-0.7, mu=0.15)
     centre, covariance, log_z = sliding_law(rows)
-    e_t, kappa = (
-        normal(m, v**0.5) for m, v in zip(centre.tolist(), np.diag(covariance).tolist(), strict=True)
-    )
+    e_t, kappa = marginals(centre, covariance)
     two = math.log(2.0)
     e_mean, e_square = 1.0 / two - 1.0, 1.0 - 0.5 / two
     inverse, inverse_square = 0.5 / two, 0.375 / two  # of 1 + e_n

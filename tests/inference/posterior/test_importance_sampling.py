@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from posterior_agreement import agree
 from posterior_questions import Question, Row, measured
 from scipy import integrate as quad
 from scipy import special
@@ -25,6 +27,7 @@ from ifrfit.inference.posterior.importance_sampling import (
     ImportancePosterior,
     sample_by_importance,
 )
+from ifrfit.physics import get_closure
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 WIDE = tuple(np.linspace(6.0, 78.0, 16).tolist())
@@ -55,21 +58,22 @@ QUESTIONS = {
 }
 
 
-def agree(sampled: ImportancePosterior, exact) -> None:
-    """Within four standard errors, which are themselves small."""
-    assert sampled.converged
-    assert sampled.error <= SAMPLING_ERROR
-    gap = abs(sampled.log_evidence - exact.log_evidence)
-    assert gap <= 4.0 * sampled.error_evidence + 1e-3
-    for name in exact.names:
-        sd = exact.sd(name)
-        if sd == 0.0:
-            continue
-        allowed = 4.0 * sampled.error * sd
-        assert abs(sampled.mean(name) - exact.mean(name)) <= allowed, name
-        assert abs(sampled.sd(name) - sd) <= allowed, name
-        off = np.abs(sampled.quantile(name, LEVELS) - exact.quantile(name, LEVELS))
-        assert (off <= allowed).all(), name
+def where_some_noises_are_known() -> Problem:
+    unknown = tuple(replace(row, sigma=None) for row in DROPS)
+    problem = Question(measured("beta", WIDE, seed=15) + unknown, noise="unknown").problem()
+    problem = problem.with_noise(mixed_noise(problem.noise.sigma, problem.groups()))
+    assert problem.noise.is_mixed
+    return problem
+
+
+def under_maw() -> Problem:
+    problem = Question(measured("beta", WIDE, seed=11), fix={"e_n": 0.9}).problem()
+    return problem.with_closure(get_closure("maw"))
+
+
+def under_heavy_tails_and_a_factor() -> Problem:
+    problem = Question(measured("beta", WIDE, seed=13), fix={"e_n": 0.9}, noise="scaled").problem()
+    return replace(problem, error_model=ErrorModel(4.0))
 
 
 @pytest.mark.parametrize("name", QUESTIONS)
@@ -94,22 +98,9 @@ def test_an_evidence_alone_is_that_of_quadrature(name: str) -> None:
     assert abs(found - integrate(problem, 1e-3, start).log_evidence) <= 4.0 * error + 1e-3
 
 
-def test_it_agrees_with_quadrature_where_some_noises_are_known() -> None:
-    known = measured("beta", WIDE, seed=15)
-    unknown = tuple(replace(row, sigma=None) for row in DROPS)
-    problem = Question(known + unknown, noise="unknown").problem()
-    problem = problem.with_noise(mixed_noise(problem.noise.sigma, problem.groups()))
-    assert problem.noise.is_mixed
-    start = least_squares(problem)
-    agree(sample_by_importance(problem, start), integrate(problem, 1e-3, start))
-
-
-def test_it_agrees_with_quadrature_under_maw() -> None:
-    rows = measured("beta", WIDE, seed=11)
-    problem = Question(rows, fix={"e_n": 0.9}).problem()
-    from ifrfit.physics import get_closure
-
-    problem = problem.with_closure(get_closure("maw"))
+@pytest.mark.parametrize("made", [where_some_noises_are_known, under_maw, under_heavy_tails_and_a_factor])
+def test_other_noises_and_laws_agree_with_quadrature(made: Callable[[], Problem]) -> None:
+    problem = made()
     start = least_squares(problem)
     agree(sample_by_importance(problem, start), integrate(problem, 1e-3, start))
 
@@ -121,13 +112,6 @@ def test_it_agrees_with_the_mixture_over_offsets() -> None:
     agree(
         sample_by_importance(problem, start), exact_posterior(problem, 1e-3, start, integrator="quadrature")
     )
-
-
-def test_it_agrees_with_quadrature_under_heavy_tails_and_a_factor() -> None:
-    problem = Question(measured("beta", WIDE, seed=13), fix={"e_n": 0.9}, noise="scaled").problem()
-    problem = replace(problem, error_model=ErrorModel(4.0))
-    start = least_squares(problem)
-    agree(sample_by_importance(problem, start), integrate(problem, 1e-3, start))
 
 
 def test_the_posterior_of_readings_of_e_n_is_known() -> None:

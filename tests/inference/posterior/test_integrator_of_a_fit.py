@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from factories import impacts_file
+from simulated import simulated
 
 import ifrfit
 from ifrfit import Exact, UsageError
@@ -188,7 +189,7 @@ def test_a_grid_that_work_ends_says_the_error_of_its_quantiles(
         assert (found.error, found.tolerance) == (of_quantiles, tolerance)
 
 
-def test_a_single_small_difference_of_two_rules_is_no_convergence(tmp_path: Path) -> None:
+def test_a_single_small_difference_of_two_rules_is_no_convergence() -> None:
     """FR at beta0 = -1, which one value 3e6 sigma below the closure's range calls for, knows no friction.
 
     The arm along mu is 1e-13 wide and holds nine tenths of the mass; a grid about the other sees none of it.
@@ -196,8 +197,5 @@ def test_a_single_small_difference_of_two_rules_is_no_convergence(tmp_path: Path
     gamma = (75.0, 30.0, 15.0, 45.0, 15.0, 60.0, 30.0)
     beta = (4.18, 1.6, 4.98, 1.9, -0.533, -4.57, -4.68)
     sigma = (5.5e-4, 0.72, 0.049, 0.12, 2.1e-3, 0.45, 1.3e-6)
-    lines = [f"{g},{b},{s}" for g, b, s in zip(gamma, beta, sigma, strict=True)]
-    path = tmp_path / "arm.csv"
-    path.write_text("\n".join(["gamma_deg,beta,sigma", *lines, ""]))
-    found = ifrfit.fit(path, closure="fr", fix={"e_n": 0.94})
+    found = ifrfit.fit(simulated("beta", gamma, beta, sigma), closure="fr", fix={"e_n": 0.94})
     assert not found.facts["converged"].ok

@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 import ifrfit
-from ifrfit import UsageError
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.distributions.truncated_normal import quantile
 from ifrfit.inference.result.types import State
@@ -86,16 +85,6 @@ def test_draws_are_a_table_of_the_constants(impacts):
     assert (drawn["e_n"] == 0.94).all()
     np.testing.assert_allclose(drawn["mu"] * 1.94, drawn["kappa"])
     assert drawn["mu"].std() == pytest.approx(found.constants["mu"].stderr, rel=0.2)
-
-
-def test_separate_constants_need_a_series(impacts):
-    parts = [{"gamma": GAMMA, "series": s, "mu": m} for s, m in (("a", 0.1), ("b", 0.2))]
-    found = ifrfit.fit(impacts(*parts), fix={"e_n": 0.94}, separate="mu")
-    with pytest.raises(UsageError, match="name one of a, b"):
-        found.predict([45.0])
-    with pytest.raises(UsageError, match="no series 'c'"):
-        found.predict([45.0], series="c")
-    assert found.predict([80.0], series="a")["value"][0] < found.predict([80.0], series="b")["value"][0]
 
 
 def test_without_bands_the_same_values_are_all_there_is(impacts):

@@ -7,7 +7,6 @@ import pytest
 from factories import impacts_file
 
 from ifrfit import fit
-from ifrfit.errors import UsageError
 
 ANGLES = np.linspace(5.0, 80.0, 11)  # what profiles cost grows with the rows
 METHODS = ("lsq", "exact", "profile")
@@ -16,14 +15,6 @@ METHODS = ("lsq", "exact", "profile")
 @pytest.fixture
 def path(tmp_path):
     return impacts_file(tmp_path / "t.csv", {"gamma": ANGLES, "noise": 0.01, "sigma": 0.01})
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_wide_prior_determines_nothing(path, method):
-    result = fit(path, method=method, prior={"e_n": (0.9, 5.0)})
-    for name in ("e_n", "mu"):
-        assert result.constants[name].status == "not_determined"
-        assert result.constants[name].value is None
 
 
 @pytest.mark.parametrize("sd", [0.15, 0.3])
@@ -59,9 +50,3 @@ def test_bounds_that_confine_are_named(path, method):
 def test_bounds_that_leave_most_of_the_domain_determine_nothing(path, method):
     result = fit(path, method=method, bounds={"e_n": (0.2, 0.95)})
     assert result.constants["mu"].status == "not_determined"
-
-
-@pytest.mark.parametrize("prior", [(1.1, 0.02), (-0.2, 0.05)])
-def test_a_prior_outside_the_domain_is_refused(path, prior):
-    with pytest.raises(UsageError, match="outside the domain"):
-        fit(path, prior={"e_n": prior})

@@ -43,16 +43,12 @@ def test_beta_is_that_of_the_scaled_velocities(
 
 @given(gammas, spins, spins, shares, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 @settings(max_examples=200, deadline=None)
-def test_invariants_in_three_dimensions(
+def test_friction_is_bounded_and_planar_in_three_dimensions(
     gamma: float, spin_x: float, spin_y: float, share: float, e_n: float, mu: float
 ) -> None:
     chi = 7 / 6 + share * 7 / 12
     r = rebound(gamma, spin_x, spin_y, e_n=e_n, mu=mu, chi=chi, closure="maw", degrees=True)
     i = r.incidence
-    assert r.v_x - 0.4 * r.spin_y == pytest.approx(float(i.sine - 0.4 * i.spin_y), abs=1e-14)
-    assert r.v_y - 0.4 * r.spin_x == pytest.approx(float(-0.4 * i.spin_x), abs=1e-14)
-    assert r.contact_x * i.slip_y == pytest.approx(float(r.contact_y * i.slip_x), abs=1e-13)
-    assert r.energy_change <= 1e-13
     # where mu is subnormal, rounding is absolute
     assert r.mu_app_magnitude <= mu * (1.0 + 1e-9) + 1e-300 or np.isnan(r.mu_app_magnitude)
     # the motion stays in the plane of the slip: a planar impact of the same slip ratio has the same beta

@@ -53,16 +53,6 @@ def test_energy_is_that_of_the_velocities_and_falls(impacts, gamma, s_x, s_y, mu
     np.testing.assert_allclose(out.contact_y, out.v_y + out.spin_x, atol=1e-14 * scale)
 
 
-def test_beta_is_that_of_the_contact_point(impacts, glass):
-    some = impacts([30.0, 70.0], 0.2, 0.1)
-    out = compose(glass, some, ON)
-    slip = some.incidence
-    expected = -(out.contact_x * slip.slip_x + out.contact_y * slip.slip_y) / slip.slip**2
-    np.testing.assert_allclose(out.beta, expected, rtol=1e-14)
-    assert (out.beta != compose(glass, some, ["lateral-spin"]).beta).all()
-    assert np.isnan(compose(glass, impacts([0.0]), ["rolling"]).beta).all()
-
-
 def test_its_number_is_friction_over_apparent_friction(impacts, glass):
     some = impacts([40.0, 80.0], mu=0.1, constant=-1.0)
     out = compose(glass, some, ["rolling"])

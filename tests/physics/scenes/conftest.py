@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from factories import exchanged
 
 SCENE = """\
 [sphere]
@@ -29,11 +30,8 @@ def write(tmp_path: Path) -> Callable[..., Path]:
     """Write a scene: the plain one with lines exchanged, or a text of its own."""
 
     def save(*exchanges: tuple[str, str], text: str = SCENE, name: str = "scene.toml") -> Path:
-        for old, new in exchanges:
-            assert old in text, old
-            text = text.replace(old, new, 1)
         path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
+        path.write_text(exchanged(text, *exchanges), encoding="utf-8")
         return path
 
     return save

@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
-from factories import small_report
 
 from ifrfit.errors import UsageError
 from ifrfit.registry import registered
@@ -21,13 +20,7 @@ from ifrfit.report.page.registries import FORMATS
 KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->"}
 
 
-@pytest.fixture
-def small(monkeypatch):
-    """Reports of one paragraph and one picture, where only their files matter."""
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
-
-
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("small_page")
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisals, tmp_path, suffix):
     path = tmp_path / "deep" / f"report.{suffix}"
@@ -45,7 +38,7 @@ def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisal
     assert path.read_bytes() == first
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("small_page")
 def test_a_format_without_the_mark_is_not_replaced(results, appraisals, tmp_path):
     """Control: what each of `FORMATS` must put at the beginning of its file."""
     with registered(ReportFormat("bare", lambda report, stem: {f"{stem}.bare": b"bare"})):
@@ -55,7 +48,7 @@ def test_a_format_without_the_mark_is_not_replaced(results, appraisals, tmp_path
     assert GENERATOR.encode() not in (tmp_path / "report.bare").read_bytes()
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("small_page")
 def test_a_folder_that_cannot_be_written_is_said(results, appraisals, tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(UsageError, match=r"taken is a file\. Name a folder with --out"):
@@ -89,7 +82,7 @@ def test_names_in_a_batch_are_unique_and_safe(results):
     assert all(re.fullmatch(r"[\w.-]+", name) for name in names)
 
 
-@pytest.mark.usefixtures("small")
+@pytest.mark.usefixtures("small_page")
 def test_a_batch_has_an_index_of_all(results, appraisals, tmp_path):
     out = tmp_path / "reports"
     some = [(Path("one.json"), results("lsq")), (Path("two.json"), results("loose"))]
