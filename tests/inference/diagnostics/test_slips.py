@@ -244,7 +244,7 @@ def test_the_search_finds_the_certified_optimum(known):
         problem.rows.value,
         starts(problem, theta)[:-1],
     )
-    _, residual = refitted(problem, misfit, start[0])
+    _, residual = refitted(problem, misfit, start)
     certified = problem.rows.value - problem.predict(theta)
     assert float(misfit.likelihood(residual)) <= float(misfit.likelihood(certified)) + 0.01
 

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
-from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables
+from ifrfit.inference.diagnostics.slips.alternatives import Alternative
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
 from ifrfit.inference.diagnostics.slips.slip import LARGEST
 from ifrfit.inference.diagnostics.thresholds import DECISIVE
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
-_AT_ONCE = 2_000_000  # numbers of values that are held for several tables
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
 _PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
@@ -88,39 +86,33 @@ class ComparedFit:
             if drop >= 0.0:
                 break
             x, after = search(
-                lambda x, _: model(x[0, :, :-1], x[0, :, -1])[None],
+                lambda x: model(x[:, :-1], x[:, -1]),
                 self.misfit,
                 problem.rows.value,
-                np.append(theta, start)[None],
+                np.append(theta, start),
                 bounds,
             )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
-            constants = x[0, :-1]
+            drop, found = self.likelihood - float(self.misfit.likelihood(after)), float(x[-1])
+            constants = x[:-1]
             drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
         return drop, found, constants
 
-    def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
-        """Each with its residuals, in the unit of the given values."""
-        problem, value = self.problem, self.problem.rows.value
-        places = starts(problem, self.fit.optimum.theta)
-        many = max(1, _AT_ONCE // (len(places) * min(len(value), 60) + 5 * len(value)))
-        for first in range(0, len(every), many):
-            tables = Tables(problem, every[first : first + many])
-            each = np.arange(len(tables.every))
+    def of_alternative(self, each: Alternative) -> Array:
+        """Its residuals, in the unit of the given values."""
+        problem = self.problem
+        start = best_start(
+            lambda theta, rows: each.of_rows(rows).values(theta),
+            self.misfit,
+            problem.rows.value,
+            self._places,
+        )
+        target = self.likelihood - DECISIVE + _ROOM
+        bounds = problem.parameters.bounds()
+        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)[1]
 
-            def at_rows(theta: Array, rows: Index, tables: Tables = tables, each: Index = each) -> Array:
-                return tables.values(theta, each, rows)
-
-            start = best_start(at_rows, self.misfit, value, places)
-            _, after = search(
-                tables.values,
-                self.misfit,
-                value,
-                start,
-                problem.parameters.bounds(),
-                target=self.likelihood - DECISIVE + _ROOM,
-            )
-            yield from zip(tables.every, after, strict=True)
+    @cached_property
+    def _places(self) -> Array:
+        return starts(self.problem, self.fit.optimum.theta)
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -184,19 +176,19 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
     ends = (np.full(count, end) for end in offset.limits)
     bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
 
-    def values(x: Array, _: Index) -> Array:
-        by_row = x[0, :, lower.size :][:, problem.rows.series]
-        return readings(problem, x[0, :, : lower.size], Flaw(offset=by_row))[None]
+    def values(x: Array) -> Array:
+        by_row = x[:, lower.size :][:, problem.rows.series]
+        return readings(problem, x[:, : lower.size], Flaw(offset=by_row))
 
     x, after = search(
         values,
         whole.misfit,
         problem.rows.value,
-        np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
+        np.append(fit.optimum.theta, _nearest_offsets(problem, fit)),
         (bounds[0], bounds[1]),
     )
-    drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
-    size = x[0, lower.size :]
+    drop = whole.likelihood - float(whole.misfit.likelihood(after))
+    size = x[lower.size :]
     return Offsets(drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
 
 

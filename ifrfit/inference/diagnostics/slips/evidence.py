@@ -133,7 +133,8 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
     before, misfit = whole.before, whole.misfit
     dof = share * whole.dof
     found = []
-    for each, after in whole.of_alternatives(every):
+    for each in every:
+        after = whole.of_alternative(each)
         drop = whole.likelihood - float(misfit.likelihood(after))
         careful = max(careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
         ratio = min(1.0, count * math.exp(-0.5 * careful))

@@ -195,7 +195,7 @@ def _far_from_rest(
         part.rows.value,
         starts(problem, fit.optimum.theta),
     )
-    theta, left = refitted(part, misfit, start[0])
+    theta, left = refitted(part, misfit, start)
     sigma = misfit.sigma(left)[rows.which[kept] == rows.names.index(name)]
     # readings scatter by their rounding at least
     floor = resolution(rows.value[own]) / math.sqrt(12.0)
