@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
-from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
-from ifrfit.inference.diagnostics.omitted_effects.selection import effect_scores, effects_fact
-from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, drop_of_effect, offsets_by_series
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, effect_scores, effects_fact
+from ifrfit.inference.diagnostics.slips.compared_fit import (
+    ComparedFit,
+    Slip,
+    drop_of_effect,
+    is_decisive,
+    offsets_by_series,
+)
 from ifrfit.inference.diagnostics.slips.evidence import too_few, tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
-from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.diagnostics.wider_problems import Pooling, pooling
 from ifrfit.inference.model.problem import Problem

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
@@ -213,13 +214,7 @@ def _mixed(
         of_second = np.exp(logs[1] - total)
         weight = of_second[problem.rows.impacts]
         square = (1.0 - weight) * left[0] ** 2 + weight * left[1] ** 2
-        groups = problem.noise_groups()
-        if not groups:
-            break
-        base = problem.noise.base
-        sigma = base.copy()
-        for rows in groups.values():
-            sigma[rows] *= math.sqrt(max(float((square[rows] / base[rows] ** 2).mean()), 1e-300))
+        sigma = Misfit.of(problem).sigma(np.sqrt(square))
     return total, of_second, sigma
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.result import HOPELESS
 from ifrfit.inference.comparison.verdict import rivals_with_flaws, title
-from ifrfit.inference.diagnostics.omitted_effects.selection import called_title
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import called_title
 from ifrfit.physics import get_closure
 from ifrfit.report.sentences import scene_notes
 from ifrfit.text import as_given, joined

@@ -1,4 +1,4 @@
-"""A fit as slips and effects are compared with it: -2 log likelihood, all constants at their best."""
+"""A slip of the hand that was tried, and the fit that it is compared with: -2 log likelihood at its best."""
 
 from __future__ import annotations
 
@@ -12,15 +12,90 @@ from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
-from ifrfit.inference.diagnostics.slips.slip import LARGEST
-from ifrfit.inference.diagnostics.thresholds import DECISIVE
+from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
+LARGEST = 4.5  # prior standard deviations of a size
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
-_PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
+_OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A slip that was tried.
+
+    Attributes
+    ----------
+    name : str
+    drop : float
+        Fall of -2 log likelihood without it, constants at their best.
+    p : float
+        Of a slip with a size the p value, corrected for their number; else the likelihood ratio that is left
+        without the row that speaks most for it.
+    size, sd : float
+        Of a slip with a size; 0 else.
+    usual : float
+        Prior standard deviation of the size.
+    likely : tuple of float
+        Sizes that the prior is centred at.
+    observable : str
+        Whose values it is in; empty where it is in none.
+    series : str
+        The one series it is in; empty where it is in all.
+    rows : tuple of int
+        Single rows that it is in.
+    is_least : bool
+        Whether the size ended on the limit of what is searched.
+    constant : str
+        That changes in the course of the table; empty for another slip.
+    middle : float
+        Its mean.
+    e_n : float
+        Of the first series, with a slip that was fitted; nan else.
+    """
+
+    name: str
+    drop: float
+    p: float
+    size: float = 0.0
+    sd: float = 0.0
+    usual: float = math.inf
+    likely: tuple[float, ...] = (0.0,)
+    observable: str = ""
+    series: str = ""
+    rows: tuple[int, ...] = ()
+    is_least: bool = False
+    constant: str = ""
+    middle: float = 0.0
+    e_n: float = math.nan
+
+    @property
+    def rank(self) -> float:
+        """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
+        return self.drop - self.unlikely**2 / (self.usual**2 + self.sd**2)
+
+    @property
+    def log_bayes_factor(self) -> float:
+        """Of the law with a size of this prior over the law without, by Laplace's approximation."""
+        return 0.5 * self.rank + math.log(self.sd / math.hypot(self.usual, self.sd))
+
+    @property
+    def unlikely(self) -> float:
+        """Distance of the size from the nearest likely one."""
+        return min(abs(self.size - each) for each in self.likely)
+
+
+def is_decisive(slip: Slip) -> bool:
+    """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
+    if slip.unlikely > LARGEST * math.hypot(slip.usual, slip.sd):
+        return False
+    # impacts would cross the wall or its normal, or the law is missed by so much that no angle mends it
+    if slip.name == "angle-offset" and slip.is_least:
+        return False
+    return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
 
 
 @dataclass(frozen=True)
@@ -194,8 +269,8 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
 
 def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Of a few offsets of the angles the best of each series, at the constants of a fit."""
-    theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
-    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
+    theta = np.tile(fit.optimum.theta, (_OFFSETS.size, 1))
+    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_OFFSETS[:, None]))
     square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
     owners = problem.rows.series == np.arange(len(problem.series))[:, None]
-    return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
+    return np.asarray(_OFFSETS[np.argmin(square @ owners.T, axis=0)])

@@ -12,10 +12,15 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
-from ifrfit.inference.diagnostics.slips.compared_fit import MOST_SERIES, ComparedFit, careful_drop
+from ifrfit.inference.diagnostics.slips.compared_fit import (
+    MOST_SERIES,
+    ComparedFit,
+    Slip,
+    careful_drop,
+    is_decisive,
+)
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.single_rows import missing_values, mixed_readings
-from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array

@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ifrfit.inference.diagnostics.omitted_effects.selection import short_words
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import short_words
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
-from ifrfit.inference.diagnostics.slips.compared_fit import Offsets
-from ifrfit.inference.diagnostics.slips.slip import Slip
+from ifrfit.inference.diagnostics.slips.compared_fit import Offsets, Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.inertia import BODIES

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
-from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
