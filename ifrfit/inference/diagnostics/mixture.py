@@ -181,18 +181,12 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few < max(_LEAST, _SHARE * count):
         return None
-    before = _log_likelihoods(problem, fit, fit.optimum.theta)
+    sigma = likely_sigma(problem, fit.optimum.theta)
+    before = _by_impact(problem, -0.5 * (problem.residual(fit.optimum.theta) / sigma) ** 2 - np.log(sigma))
     after, *_ = _mixed(problem, fit, first, second, float(of_second.mean()))
     gain = 2.0 * (after - before)
     drop = float(gain.sum() - gain.max())
     return _Kinds(problem.parameters.names[place], first, second, of_second, drop)
-
-
-def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Array:
-    """Log likelihood of each impact with one kind, at the most likely noises, but for a constant."""
-    sigma = likely_sigma(problem, fit.optimum.theta)
-    z = problem.residual(theta) / sigma
-    return _by_impact(problem, -0.5 * z * z - np.log(sigma))
 
 
 def _mixed(

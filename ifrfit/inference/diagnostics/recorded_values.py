@@ -22,6 +22,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import (
     COARSE,
     FACTS,
@@ -391,7 +392,7 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
         if own.size < _FEWEST:
             continue
         groups = _noises(problem, own)
-        sigma = _at_best(found.sigma, value - fitted, groups)
+        sigma = Misfit(found.sigma, groups).sigma(value - fitted)
         z = (value - fitted)[own] / sigma[own]
         for sign in (1.0, -1.0):
             end = sign * float((sign * value[own]).max()) + sign * 0.5 * resolution(value[own])
@@ -468,12 +469,3 @@ def _mills(alpha: Array) -> Array:
         np.exp(-0.5 * finite**2 - special.log_ndtr(finite)) / math.sqrt(2.0 * math.pi),
         0.0,
     )
-
-
-def _at_best(sigma: Array, residual: Array, groups: tuple[Index, ...]) -> Array:
-    """Standard uncertainty of each row, a noise that is taken from its rows at the largest likelihood."""
-    best = sigma.copy()
-    for rows in groups:
-        size = float(np.sqrt(((residual[rows] / sigma[rows]) ** 2).mean()))
-        best[rows] *= size if size > 0.0 else 1.0
-    return best

@@ -223,24 +223,17 @@ def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> flo
     return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
 
 
-@dataclass(frozen=True)
-class Offsets:
-    """Offsets of the angles of each series, beside constants that all share.
+def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> tuple[float, Array] | None:
+    """Fit offsets of the angles of each series, beside constants that all share.
 
-    Attributes
-    ----------
+    Returns
+    -------
     drop : float
         Fall of -2 log likelihood with them.
     size : ndarray, (n_series,)
-        Degrees by which the true angles exceed the given ones.
+        Degrees by which the true angles exceed the given ones. None, both, without angles, or where one is no
+        slip.
     """
-
-    drop: float
-    size: Array
-
-
-def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
-    """Fit an offset of the angles of each series; None without angles, or where one is no slip."""
     count = len(problem.series)
     named = [each for each in nuisances(problem) if each.name == "angle-offset"]
     plain = problem.error_model.is_plain and fit.angle_offset is None
@@ -264,7 +257,7 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
     )
     drop = whole.likelihood - float(whole.misfit.likelihood(after))
     size = x[lower.size :]
-    return Offsets(drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
+    return (drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
 
 
 def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:

@@ -26,7 +26,6 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
-_FEWEST = 3  # degrees of freedom below which no slip is looked for
 _INVISIBLE = 1e-3  # standard deviations by which a slip of the largest size moves a value at most
 _LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
@@ -35,11 +34,6 @@ _OF_SPINS = ("spin-scale", "inertia-factor")
 _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
-
-
-def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
-    """Whether too few rows are left beside the constants to tell anything."""
-    return ComparedFit.of(problem, fit).dof < _FEWEST
 
 
 def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
