@@ -72,9 +72,14 @@ class Alternative:
 
     def of_rows(self, rows: Index) -> Alternative:
         """The same for some of the rows."""
-        own = (each[rows] for each in (self.shift, self.factor, self.folded, self.squared))
-        meant = replace(self.meant, rows=self.meant.rows.take(rows))
-        return Alternative(self.name, self.observable, self.series, meant, *own)
+        return replace(
+            self,
+            meant=replace(self.meant, rows=self.meant.rows.take(rows)),
+            shift=self.shift[rows],
+            factor=self.factor[rows],
+            folded=self.folded[rows],
+            squared=self.squared[rows],
+        )
 
 
 def alternatives(

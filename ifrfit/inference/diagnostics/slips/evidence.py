@@ -144,17 +144,14 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
 def _mixed(whole: ComparedFit) -> list[Slip]:
     """Tables some rows of which are read in another way, where that is decisive."""
     found = []
-    dof = whole.dof
-    for each in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
-        drop = whole.likelihood - float(whole.misfit.likelihood(each.residual)) - each.penalty
+    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+        drop = whole.likelihood - float(whole.misfit.likelihood(after)) - penalty
         if drop <= DECISIVE:
             continue
-        careful = careful_drop(whole.misfit, whole.before, each.residual, dof) - each.penalty
+        careful = careful_drop(whole.misfit, whole.before, after, whole.dof) - penalty
         if careful > DECISIVE:
-            rows = tuple(each.rows.tolist())
-            found.append(
-                Slip(each.name, drop, math.exp(-0.5 * careful), observable=each.observable, rows=rows)
-            )
+            name, ratio = f"mixed-{other.name}", math.exp(-0.5 * careful)
+            found.append(Slip(name, drop, ratio, observable=other.observable, rows=tuple(rows.tolist())))
     return found
 
 

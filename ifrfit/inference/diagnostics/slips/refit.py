@@ -1,9 +1,9 @@
 """Constants of a changed table, by a search without proof: cheap enough to try every slip on every fit.
 
-`ifrfit.inference.optimize.batched_search` looks for the constants of one problem from many places. Here each
-start has a table, and so values, of its own, which may depend on a size beside the constants: of these no
-analytic slope, kink or prior is at hand. A fall of -2 log likelihood is wanted to a thousandth, and a search
-takes about half as long as one there.
+`ifrfit.inference.optimize.batched_search` looks for the constants of one problem from many places. Here a
+table has values of its own, which may depend on a size beside the constants: of these no analytic slope, kink
+or prior is at hand. A fall of -2 log likelihood is wanted to a thousandth, and a search takes about half as
+long as one there.
 """
 
 from __future__ import annotations
