@@ -145,23 +145,24 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
 def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
-    found = _cross_validated(fits, seed) if loo else {}
+    evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
+    found = _cross_validated(fits, evidence, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
     problems = [at_fitted_offset(*fit.problem_and_optimum()) for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
-    entries = _entries(fits, found)
+    entries = _entries(fits, evidence, found)
     plane = psi_plane(problems)
     return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)
 
 
-def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
+def _cross_validated(fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int) -> dict[str, Loo]:
     """Every closure with draws of its own, whichever others are compared; empty for too many rows.
 
     Impacts are left out in earnest under those alone that have a hope beside the best.
     """
-    found, evidence = {}, {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
+    found = {}
     for name, fit in fits.items():
         has_hope = evidence[name] >= max(evidence.values()) - HOPELESS
         own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]), in_earnest=has_hope)
@@ -171,8 +172,9 @@ def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
     return with_differences(found)
 
 
-def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry]:
-    evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
+def _entries(
+    fits: dict[str, FitResult], evidence: Mapping[str, float], loo: dict[str, Loo]
+) -> dict[str, Entry]:
     chance = probabilities(evidence)
     top = max(evidence.values())
     found = {}

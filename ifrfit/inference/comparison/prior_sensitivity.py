@@ -53,7 +53,7 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
     stated = {name: _log_evidence(fit) for name, fit in fits.items()}
     hopeful = {name for name, own in stated.items() if own >= max(stated.values()) - HOPELESS}
     rows = [PriorRow("", dict(stated))]
-    problems = {name: _problem(fit) for name, fit in fits.items()}
+    problems = {name: fit.problem_and_optimum()[0] for name, fit in fits.items()}
     mu = _varied(next(iter(problems.values())), "mu")
     if mu is not None:
         low, high = mu.lower, FreeParameter.of("mu", mu).upper
@@ -66,15 +66,11 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
         own = _varied(problem, closure.constant) if closure.constant else None
         if own is None:
             continue
-        ends = _half(fits[name], own)
+        ends = _half(posterior_of(fits[name]), _labels(problem, own.name), own)
         words = f"{own.name} of {closure.title} in [{ends[0]:.4g}, {ends[1]:.4g}]"
         evidence = _evidence(fits[name], own.name, ends, afresh=name in hopeful)
         rows.append(PriorRow(words, stated | {name: evidence}))
     return tuple(rows)
-
-
-def _problem(fit: FitResult) -> Problem:
-    return fit.problem_and_optimum()[0]
 
 
 def _log_evidence(fit: FitResult) -> float:
@@ -92,9 +88,9 @@ def _labels(problem: Problem, name: str) -> list[str]:
     return [entry for entry in problem.parameters.names if quantity_of(entry) == name]
 
 
-def _half(fit: FitResult, constant: Parameter) -> Interval:
+def _half(posterior: ExactPosterior, labels: Sequence[str], constant: Parameter) -> Interval:
     """Part of the domain, half as wide, about the posterior median (the mean of several)."""
-    medians = [float(posterior_of(fit).quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
+    medians = [float(posterior.quantile(label, 0.5)) for label in labels]
     width = OWN_WIDTH * (constant.upper - constant.lower)
     low = min(max(float(np.mean(medians)) - 0.5 * width, constant.lower), constant.upper - width)
     return low, low + width

@@ -10,8 +10,8 @@ import numpy as np
 
 from ifrfit.data.schema import STAND_IN
 from ifrfit.inference.comparison.result import Entry, PriorRow, Verdict
+from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.messages import FLAWS, flaw_words
-from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure

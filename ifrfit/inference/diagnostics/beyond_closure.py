@@ -67,7 +67,7 @@ def _fact(
     way = np.sign(slope)
     above, below = way * (value - at[:, 1]) / sigma, way * (at[:, 0] - value) / sigma
     z = np.maximum(above, below)
-    tail = np.where(np.isinf(dof), special.ndtr(-z), special.stdtr(np.where(np.isinf(dof), 1.0, dof), -z))
+    tail = special.stdtr(dof, -z)
     p = min(1.0, float(z.size * tail.min()))
     beyond = tail < 0.025
     if p >= REFUTED or beyond.mean() < _SHARE:

@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
-from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
-from ifrfit.inference.diagnostics.omitted_effects.selection import effect_scores, effects_fact
-from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, drop_of_effect, offsets_by_series
-from ifrfit.inference.diagnostics.slips.evidence import too_few, tried
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, effect_scores, effects_fact
+from ifrfit.inference.diagnostics.slips.compared_fit import (
+    ComparedFit,
+    Slip,
+    drop_of_effect,
+    is_decisive,
+    offsets_by_series,
+)
+from ifrfit.inference.diagnostics.slips.evidence import tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
-from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.diagnostics.wider_problems import Pooling, pooling
 from ifrfit.inference.model.problem import Problem
@@ -22,6 +26,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.physics.compliance.law import chi_range
 
+_FEWEST = 3  # degrees of freedom below which no slip is looked for
 _OF_STICKING = "sticking-law"
 _LIKE_STICKING = ("inertia-factor", "incoming-roll")
 
@@ -104,7 +109,7 @@ def slips_first(
     # constants that differ feign effects: they are looked for when the series are apart
     rest = {} if effects is None or differ else {"effects": effects}
     rule = FACTS["slips"]
-    if too_few(problem, fit):
+    if ComparedFit.of(problem, fit).dof < _FEWEST:
         says = "too few rows to tell a slip in the table"
         none = Fact(True, says, {"called": [], "tests": {}}, rule)
         return pooling | ({} if differ else {"slips": none}) | rest
@@ -139,9 +144,9 @@ def slips_first(
 def _beside_offsets(problem: Problem, fit: LeastSquaresFit, shared: Pooling) -> Pooling:
     """The fact with an offset of the angles in each series, where that explains as much as constants do."""
     offsets = offsets_by_series(problem, fit)
-    if offsets is None or offsets.drop < _drop_of_series(problem, fit, shared) - ALIKE:
+    if offsets is None or offsets[0] < _drop_of_series(problem, fit, shared) - ALIKE:
         return shared
-    return shared.or_slip(offset_words(problem, offsets))
+    return shared.or_slip(offset_words(problem, offsets[1]))
 
 
 def _drop_of_series(

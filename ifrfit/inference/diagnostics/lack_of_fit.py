@@ -10,10 +10,9 @@ import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.quadratic_forms import Array
+from ifrfit.inference.diagnostics.quadratic_forms import Array, smooth_departure
 from ifrfit.inference.diagnostics.repeats import few_settings, repeated
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
-from ifrfit.inference.diagnostics.smooth_departure import smooth_departure
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
@@ -101,7 +100,7 @@ def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) 
 
     Where other rows share in the constants that is not quite a law of chi2, but one of smaller variance.
     """
-    given = residuals.is_given
+    given = problem.noise.is_given
     square = float(residuals.standardised[given] @ residuals.standardised[given])
     leverage = float(fit.gaussian.leverage[given].sum())
     if problem.noise.is_known:
@@ -234,7 +233,7 @@ def _refuted_rows(
     if not problem.noise.has_unknown:
         return np.arange(len(problem.rows))
     if figures["test"] == "chi2":
-        return np.flatnonzero(residuals.is_given)
+        return np.flatnonzero(problem.noise.is_given)
     pure = {name: p for name, p in figures.get("p_pure", {}).items() if name != "all"}
     if not pure:
         return most_orderly(problem, residuals.standardised, fit)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
@@ -180,32 +181,20 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few < max(_LEAST, _SHARE * count):
         return None
-    before = _log_likelihoods(problem, fit, fit.optimum.theta)
-    after, *_ = _mixed(problem, fit, first, second, float(of_second.mean()))
+    sigma = likely_sigma(problem, fit.optimum.theta)
+    before = _by_impact(problem, -0.5 * (problem.residual(fit.optimum.theta) / sigma) ** 2 - np.log(sigma))
+    after, *_ = _mixed(problem, first, second, float(of_second.mean()), fit.sigma)
     gain = 2.0 * (after - before)
     drop = float(gain.sum() - gain.max())
     return _Kinds(problem.parameters.names[place], first, second, of_second, drop)
 
 
-def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Array:
-    """Log likelihood of each impact with one kind, at the most likely noises, but for a constant."""
-    sigma = likely_sigma(problem, fit.optimum.theta)
-    z = problem.residual(theta) / sigma
-    return _by_impact(problem, -0.5 * z * z - np.log(sigma))
-
-
 def _mixed(
-    problem: Problem,
-    fit: LeastSquaresFit,
-    first: Array,
-    second: Array,
-    share: float,
-    sigma: Array | None = None,
+    problem: Problem, first: Array, second: Array, share: float, sigma: Array
 ) -> tuple[Array, Array, Array]:
     """Log likelihood of each impact under the mixture, the probability of the second kind, and sigma."""
-    left = problem.residual(np.stack((first, second)))
-    sigma = fit.sigma if sigma is None else sigma
-    for _ in range(3):  # noises at their best for these kinds
+    left, misfit = problem.residual(np.stack((first, second))), Misfit.of(problem)
+    for _ in range(3 if misfit.groups else 1):  # noises at their best for these kinds
         each = -0.5 * (left / sigma) ** 2 - np.log(sigma)
         logs = np.stack([_by_impact(problem, one) for one in each])
         logs = logs + np.log([[1.0 - share], [share]])
@@ -213,13 +202,7 @@ def _mixed(
         of_second = np.exp(logs[1] - total)
         weight = of_second[problem.rows.impacts]
         square = (1.0 - weight) * left[0] ** 2 + weight * left[1] ** 2
-        groups = problem.noise_groups()
-        if not groups:
-            break
-        base = problem.noise.base
-        sigma = base.copy()
-        for rows in groups.values():
-            sigma[rows] *= math.sqrt(max(float((square[rows] / base[rows] ** 2).mean()), 1e-300))
+        sigma = misfit.sigma(np.sqrt(square))
     return total, of_second, sigma
 
 
@@ -230,7 +213,7 @@ def _search(
     lower, upper = problem.parameters.bounds()
     free = np.flatnonzero(problem.parameters.free)
     others = free[free != place]
-    total, of_second, sigma = _mixed(problem, fit, first, second, share)
+    total, of_second, sigma = _mixed(problem, first, second, share, fit.sigma)
     now = -2.0 * float(total.sum())
     for _ in range(_STEPS):
         weight = of_second[problem.rows.impacts]
@@ -250,7 +233,7 @@ def _search(
             theta[place] += step[column]
             np.clip(theta, lower, upper, out=theta)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
-        total, of_second, sigma = _mixed(problem, fit, moved[0], moved[1], share, sigma)
+        total, of_second, sigma = _mixed(problem, *moved, share, sigma)
         after = -2.0 * float(total.sum())
         if now - after < _AT_REST:
             break

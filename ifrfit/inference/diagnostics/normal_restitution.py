@@ -27,12 +27,8 @@ _NEGLIGIBLE = 2e-3  # change over the whole range that matters to no use of e_n,
 _ABOVE = 4.0  # sd by which a single reading may exceed 1
 
 
-@dataclass(frozen=True)
-class _Finding:
-    """What one look at the readings gave: its p value, and a sentence for the case that it is small."""
-
-    p: float
-    says: str
+# what one look at the readings gave: its p value, and a sentence for the case that it is small
+_Look = tuple[float, str]
 
 
 @dataclass(frozen=True)
@@ -98,10 +94,12 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit, *, advise: bool
     looks = [finding for readings in every for finding in _findings(problem, readings, advise)]
     if not looks:
         return None
-    p = min(1.0, len(looks) * min(look.p for look in looks))
+    p = min(1.0, len(looks) * min(looks)[0])
     figures = {"p": p, "n_tests": len(looks)}
     rule = FACTS["normal_restitution"]
-    wrong = [look.says for look in sorted(looks, key=lambda look: look.p) if len(looks) * look.p < REFUTED]
+    wrong = [
+        says for p_look, says in sorted(looks, key=lambda look: look[0]) if len(looks) * p_look < REFUTED
+    ]
     if wrong and (of_law := _laws_of_speed(every)) < REFUTED:
         figures["p_laws_of_speed"] = of_law
         wrong.append(
@@ -136,7 +134,7 @@ def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
         )
 
 
-def _findings(problem: Problem, readings: _Readings, advise: bool) -> Iterator[_Finding]:
+def _findings(problem: Problem, readings: _Readings, advise: bool) -> Iterator[_Look]:
     yield from _trend(readings, readings.gamma, "the angle", "degrees", advise)
     positive = np.where(readings.speed > 0.0, readings.speed, np.nan)
     yield from _trend(readings, np.log(positive), "the speed", "m/s", advise)
@@ -144,7 +142,7 @@ def _findings(problem: Problem, readings: _Readings, advise: bool) -> Iterator[_
     yield from _above_one(readings)
 
 
-def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) -> Iterator[_Finding]:
+def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) -> Iterator[_Look]:
     """A parabola in x against a constant."""
     at = np.flatnonzero(np.isfinite(x))
     if at.size < _FEWEST or np.unique(x[at]).size < 4:
@@ -165,7 +163,7 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) ->
         return
     shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
     remedy = "Fit a narrower range of it" if advise else "Mend the slip in the table first"
-    yield _Finding(
+    yield (
         p,
         f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "
         f"{ends[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
@@ -225,7 +223,7 @@ def _misfit_of_law(law: Callable[[float], LawOfSpeed], speed: Array, value: Arra
     return float(minimize_scalar(misfit, bounds=(0.01, 0.999), method="bounded").fun)
 
 
-def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Finding]:
+def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Look]:
     """The mean against what e_n was fixed at, or known to be before."""
     place = problem.parameters.positions["e_n"]
     number = problem.series.index(readings.series) if readings.series else 0
@@ -241,10 +239,10 @@ def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Finding]:
         return
     p = _two_sided((readings.mean - mean) / spread, readings.dof)
     measured = plus_minus(readings.mean, readings.standard_error)
-    yield _Finding(p, f"readings of e_n{readings.of} give {measured}, but {words} (p = {p_text(p)})")
+    yield (p, f"readings of e_n{readings.of} give {measured}, but {words} (p = {p_text(p)})")
 
 
-def _above_one(readings: _Readings) -> Iterator[_Finding]:
+def _above_one(readings: _Readings) -> Iterator[_Look]:
     """The mean above 1, or single readings far above it."""
     error = readings.standard_error
     if not (0.0 < error < math.inf):
@@ -264,10 +262,8 @@ def _above_one(readings: _Readings) -> Iterator[_Finding]:
             f"above 1, up to {float(readings.value.max()):.4g}: no impact gains energy; look at the scale of "
             "the velocities"
         )
-    yield _Finding(p, says)
+    yield (p, says)
 
 
 def _two_sided(t: float, dof: float) -> float:
-    if math.isinf(dof):
-        return float(2.0 * special.ndtr(-abs(t)))
     return float(2.0 * special.stdtr(dof, -abs(t)))

@@ -30,7 +30,7 @@ from ifrfit.inference.diagnostics.recorded_values import (
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
-from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
+from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
 from ifrfit.inference.diagnostics.wider_problems import prior_conflict, unequal_noise
 from ifrfit.inference.model.problem import Problem
@@ -283,4 +283,4 @@ def _sized_slip(problem: Problem, found: LeastSquaresFit, slips: Fact | None) ->
     """Change of the values along the slip that is named first, where it has a size and is in all series."""
     called = [] if slips is None else slips.figures["called"]
     named = [each for each in nuisances(problem) if called[:1] == [each.name]]
-    return directions_of(named, found.optimum.theta)[0].change if named else None
+    return named[0].slope(found.optimum.theta) if named else None

@@ -22,6 +22,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import (
     COARSE,
     FACTS,
@@ -54,6 +55,7 @@ _STEPS = 60
 _AT_REST = 1e-4  # of -2 log likelihood
 _LEAST_WEIGHT = 0.1  # of a reading's information, where a cut takes most of it
 _NARROWEST, _WIDEST = 0.5, 8.0  # times the noise without a cut
+_NO_ROWS = np.empty(0, dtype=np.intp)
 _FEWEST_OF_NOISE = 3  # rows from which a noise is taken
 _BESIDE = 2.5  # sd by which readings lie off the law, away from an end that then is no cut
 
@@ -376,15 +378,6 @@ class _Look:
         return min(1.0, TIMES_FITTED * looks * math.exp(-0.5 * self.gain))
 
 
-@dataclass(frozen=True)
-class _Cut:
-    """Rows of which none lies beyond `end`, above it for a `sign` of 1."""
-
-    rows: Index
-    sign: float
-    end: float
-
-
 def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
     value, fitted = problem.rows.value, problem.predict(found.optimum.theta)
     for name in problem.rows.names:
@@ -392,7 +385,7 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
         if own.size < _FEWEST:
             continue
         groups = _noises(problem, own)
-        sigma = _at_best(found.sigma, value - fitted, groups)
+        sigma = Misfit(found.sigma, groups).sigma(value - fitted)
         z = (value - fitted)[own] / sigma[own]
         for sign in (1.0, -1.0):
             end = sign * float((sign * value[own]).max()) + sign * 0.5 * resolution(value[own])
@@ -403,7 +396,7 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
             if sign * float(near @ z) < -_BESIDE * float(np.linalg.norm(near)):
                 continue
             whole, _ = _descent(problem, found, groups, sigma)
-            deviance, missing = _descent(problem, found, groups, sigma, _Cut(own, sign, end))
+            deviance, missing = _descent(problem, found, groups, sigma, own, sign, end)
             dof = own.size - float(found.gaussian.leverage[own].sum())
             yield _Look(name, sign, end, (whole - deviance) * dof / own.size, missing, missing / own.size)
 
@@ -411,7 +404,7 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
 def _noises(problem: Problem, own: Index) -> tuple[Index, ...]:
     """Rows of each noise that is taken from them: of those that are looked at, and what is unknown else."""
     unknown = tuple(problem.noise_groups().values())
-    parts = [np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.intp), *unknown]))]
+    parts = [np.setdiff1d(own, np.concatenate([_NO_ROWS, *unknown]))]
     for rows in unknown:
         parts += [np.intersect1d(own, rows), np.setdiff1d(rows, own)]
     return tuple(rows for rows in parts if rows.size >= _FEWEST_OF_NOISE)
@@ -422,9 +415,11 @@ def _descent(
     found: LeastSquaresFit,
     groups: tuple[Index, ...],
     noise: Array,
-    cut: _Cut | None = None,
+    own: Index = _NO_ROWS,
+    sign: float = 1.0,
+    end: float = math.inf,
 ) -> tuple[float, float]:
-    """Least -2 log likelihood where errors of some rows are cut off at an end, and how many are beyond it.
+    """Least -2 log likelihood where errors of own rows are cut off at an end, and how many are beyond it.
 
     Scoring steps in the constants, and the noise that solves its own equation beside them; where they do not
     come to rest the least that was met counts.
@@ -437,8 +432,7 @@ def _descent(
     for _ in range(_STEPS):
         fitted = problem.predict(theta)
         residual = value - fitted
-        if cut is not None:
-            alpha[cut.rows] = cut.sign * (cut.end - fitted[cut.rows]) / sigma[cut.rows]
+        alpha[own] = sign * (end - fitted[own]) / sigma[own]
         inside, mills = special.log_ndtr(alpha), _mills(alpha)
         deviance = float(((residual / sigma) ** 2 + 2.0 * np.log(sigma) + 2.0 * inside).sum())
         if deviance < least:
@@ -450,7 +444,7 @@ def _descent(
         weight = np.maximum(1.0 - pull - mills**2, _LEAST_WEIGHT) / sigma**2
         jacobian = problem.jacobian(theta)[:, free]
         root = np.sqrt(weight)
-        shifted = (residual + (0.0 if cut is None else cut.sign) * sigma * mills) / sigma**2
+        shifted = (residual + sign * sigma * mills) / sigma**2
         step = np.linalg.lstsq(jacobian * root[:, None], shifted / root, rcond=1e-10)[0]
         theta[free] = np.clip(theta[free] + step, lower[free], upper[free])
         residual = value - problem.predict(theta)
@@ -469,12 +463,3 @@ def _mills(alpha: Array) -> Array:
         np.exp(-0.5 * finite**2 - special.log_ndtr(finite)) / math.sqrt(2.0 * math.pi),
         0.0,
     )
-
-
-def _at_best(sigma: Array, residual: Array, groups: tuple[Index, ...]) -> Array:
-    """Standard uncertainty of each row, a noise that is taken from its rows at the largest likelihood."""
-    best = sigma.copy()
-    for rows in groups:
-        size = float(np.sqrt(((residual[rows] / sigma[rows]) ** 2).mean()))
-        best[rows] *= size if size > 0.0 else 1.0
-    return best

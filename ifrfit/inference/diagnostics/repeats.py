@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, sum_exceeds
+from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, smooth_departure, sum_exceeds
 from ifrfit.inference.diagnostics.residuals import Residuals, exclude_name
-from ifrfit.inference.diagnostics.smooth_departure import smooth_departure
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index

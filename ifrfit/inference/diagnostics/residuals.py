@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError
@@ -27,14 +26,13 @@ _FEW = 0.25  # share of all rows that may be outliers and be left out
 class Residuals:
     """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage.
 
-    `is_given` says of which rows sigma is known, (n,). `dof`, (n,), are the degrees of freedom of Student's t
-    that the studentised residuals have: infinite where sigma is known.
+    `dof`, (n,), are the degrees of freedom of Student's t that the studentised residuals have: infinite where
+    sigma is known.
     """
 
     raw: Array
     standardised: Array
     studentised: Array
-    is_given: NDArray[np.bool_]
     dof: Array
 
 
@@ -49,9 +47,8 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     own = 1.0 - fit.gaussian.leverage
     # a row that the constants run through has no residual, whatever rounding leaves of it
     internal = np.where(own > _FITTED, standardised / np.sqrt(np.maximum(own, _FITTED)), 0.0)
-    given = problem.noise.is_given
     if math.isinf(fit.noise_dof):
-        return Residuals(raw, standardised, internal, given, np.broadcast_to(math.inf, raw.shape))
+        return Residuals(raw, standardised, internal, np.broadcast_to(math.inf, raw.shape))
     groups = list(problem.noise_groups().values())
     if len(groups) > 1 or problem.noise.is_mixed:
         deleted, dof = internal.copy(), np.full(raw.size, math.inf)
@@ -59,12 +56,12 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
         for rows in groups:
             external, dof[rows] = _left_out(fitted, standardised, rows)
             deleted[rows] = np.where(dof[rows] > 0.0, external, internal[rows])
-        return Residuals(raw, standardised, deleted, given, dof)
+        return Residuals(raw, standardised, deleted, dof)
     dof = np.broadcast_to(fit.noise_dof - 1.0, raw.shape)
     if fit.noise_dof <= 1.0:
-        return Residuals(raw, standardised, internal, given, dof)
+        return Residuals(raw, standardised, internal, dof)
     rest = np.maximum(fit.noise_dof - internal**2, _REST * fit.noise_dof)
-    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest), given, dof)
+    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest), dof)
 
 
 def fitted_directions(problem: Problem, fit: LeastSquaresFit) -> Array:
@@ -146,10 +143,7 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
 
 def _limit(dof: float, n: int) -> float:
     """The Bonferroni limit of n rows; infinite where the noise rests on too few of them."""
-    p = 1.0 - 0.5 * REFUTED / n
-    if math.isinf(dof):
-        return float(special.ndtri(p))
-    return float(special.stdtrit(dof, p)) if dof > 1.0 else math.inf
+    return float(special.stdtrit(dof, 1.0 - 0.5 * REFUTED / n)) if dof > 1.0 else math.inf
 
 
 def _outliers_fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:

@@ -63,13 +63,9 @@ class Pooling:
 
     def or_slip(self, slip: str) -> Pooling:
         """With a slip of each series that explains as much as constants of each: it is looked at first."""
-        says = f"the series do not share {self.constants}, or {slip}; only then {self.remedy}"
+        remedy = " ".join(f"--separate {name}" for name in self.fact.figures["separate"])
+        says = f"the series do not share {self.constants}, or {slip}; only then {remedy}"
         return replace(self, fact=replace(self.fact, says=says))
-
-    @property
-    def remedy(self) -> str:
-        """The options that part the constants."""
-        return " ".join(f"--separate {name}" for name in self.fact.figures["separate"])
 
     def beside(self, slip: str) -> Fact:
         """The fact with a slip that explains as much."""

@@ -10,7 +10,7 @@ from html import escape
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.result import HOPELESS, Entry, PsiPlane, Slope
 from ifrfit.inference.comparison.verdict import rivals_with_flaws, title
-from ifrfit.inference.diagnostics.omitted_effects.selection import called_title
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import called_title
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics import get_closure
 from ifrfit.report.sentences import assumed_line, noise_words, scene_notes

@@ -11,10 +11,10 @@ import slips_study
 from factories import at_most, impacts_file, rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
+from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.messages import slip_words
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
-from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 
@@ -209,7 +209,7 @@ def test_the_search_finds_the_certified_optimum(known):
         problem.rows.value,
         starts(problem, theta)[:-1],
     )
-    _, residual = refitted(problem, misfit, start[0])
+    _, residual = refitted(problem, misfit, start)
     certified = problem.rows.value - problem.predict(theta)
     assert float(misfit.likelihood(residual)) <= float(misfit.likelihood(certified)) + 0.01
 

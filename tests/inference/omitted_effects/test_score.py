@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
-from ifrfit.inference.diagnostics.omitted_effects.score_tests import holm, scores
-from ifrfit.inference.diagnostics.omitted_effects.selection import best_of
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import best_of, holm, scores
 
 N = 40
 RNG = np.random.default_rng(3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,11 +44,8 @@ class Alternative:
         Whose values are meant in another way; empty where angles or spins before impact are.
     series : str
         The one series it is in; empty where it is in all.
-    names : tuple of str
-    which : ndarray of int, (n,)
-        Observable that is meant, as in `Rows`.
-    incidence : Incidence
-        That is meant.
+    meant : Problem
+        With the observables, angles and spins that are meant.
     shift, factor : ndarray, (n,)
         A given value is shift + factor times the one that is meant.
     folded : ndarray of bool, (n,)
@@ -60,101 +57,29 @@ class Alternative:
     name: str
     observable: str
     series: str
-    names: tuple[str, ...]
-    which: Index
-    incidence: Incidence
+    meant: Problem
     shift: Array
     factor: Array
     folded: Bool
     squared: Bool
-
-    @property
-    def kind(self) -> tuple[tuple[str, ...], bytes]:
-        """Alternatives of one kind differ in numbers alone."""
-        return self.names, self.which.tobytes()
-
-
-class Tables:
-    """The values of several alternatives at once.
-
-    Parameters
-    ----------
-    problem : Problem
-    every : sequence of Alternative
-    """
-
-    def __init__(self, problem: Problem, every: Sequence[Alternative]) -> None:
-        self.every = tuple(every)
-        self._problem = problem
-        kinds = {each.kind: number for number, each in reversed(list(enumerate(self.every)))}
-        self._kind = np.array([kinds[each.kind] for each in self.every], dtype=np.intp)
-        self._built: dict[bytes, _OneKind] = {}
-
-    def values(self, theta: Array, tables: Index, rows: Index | None = None) -> Array:
-        """Values as they would be given.
-
-        Parameters
-        ----------
-        theta : ndarray, (k or 1, m, p)
-            One stack for each of the tables, or one for all.
-        tables : ndarray of int, (k,)
-        rows : ndarray of int, optional
-            These alone.
-
-        Returns
-        -------
-        ndarray, (k, m, n)
-        """
-        size = len(self._problem.rows) if rows is None else rows.size
-        out = np.empty((tables.size, theta.shape[1], size))
-        kind = self._kind[tables]
-        for number in np.unique(kind):
-            at = np.flatnonzero(kind == number)
-            own = theta if len(theta) == 1 else theta[at]
-            out[at] = self._of_kind(tables[at], rows).values(own)
-        return out
-
-    def _of_kind(self, tables: Index, rows: Index | None) -> _OneKind:
-        key = tables.tobytes() + (b"" if rows is None else b"rows")
-        if key not in self._built:
-            self._built[key] = _OneKind.of(self._problem, [self.every[i] for i in tables], rows)
-        return self._built[key]
-
-
-@dataclass(frozen=True)
-class _OneKind:
-    """Alternatives that differ in numbers alone: a problem with an incidence of each, (k, 1, n)."""
-
-    problem: Problem
-    shift: Array
-    factor: Array
-    folded: Bool
-    squared: Bool
-
-    @classmethod
-    def of(cls, problem: Problem, every: Sequence[Alternative], rows: Index | None) -> _OneKind:
-        """Stack them, for some of the rows or for all."""
-        at = np.arange(len(problem.rows)) if rows is None else rows
-        parts = zip(*(vars(each.incidence).values() for each in every), strict=True)
-        incidence = Incidence(*(np.stack([one[at] for one in part])[:, None] for part in parts))
-        taken = problem.rows.take(at)
-        meant = replace(
-            taken, names=every[0].names, which=every[0].which[at], incidence=incidence, tau=incidence.tau
-        )
-        numbers = (
-            np.stack([one[at] for one in column])[:, None]
-            for column in zip(
-                *((each.shift, each.factor, each.folded, each.squared) for each in every), strict=True
-            )
-        )
-        return cls(replace(problem, rows=meant), *numbers)
 
     def values(self, theta: Array) -> Array:
-        """As they would be given, (k, m, n)."""
-        found = self.shift + self.factor * self.problem.predict(theta)
+        """Values as they would be given, (m, n), from theta, (m, p)."""
+        found = self.shift + self.factor * self.meant.predict(theta)
         found = np.where(self.folded, np.abs(found), found) if self.folded.any() else found
         with np.errstate(over="ignore"):  # a step that leads so far is not taken
             return np.where(self.squared, found**2, found) if self.squared.any() else found
+
+    def of_rows(self, rows: Index) -> Alternative:
+        """The same for some of the rows."""
+        return replace(
+            self,
+            meant=replace(self.meant, rows=self.meant.rows.take(rows)),
+            shift=self.shift[rows],
+            factor=self.factor[rows],
+            folded=self.folded[rows],
+            squared=self.squared[rows],
+        )
 
 
 def alternatives(
@@ -223,7 +148,9 @@ class _Table:
             which = which if which is not rows.which else which.copy()
             which[self.rows_of(here)] = names.index(there)
         own = rows.incidence if incidence is None else incidence
-        return Alternative(name, observable, self.series, names, which, own, shift, factor, size, square)
+        rows = replace(rows, names=names, which=which, incidence=own, tau=own.tau)
+        problem = replace(self.problem, rows=rows)
+        return Alternative(name, observable, self.series, problem, shift, factor, size, square)
 
     def incidence(self, spin_x: float = 1.0, spin_y: float = 1.0, gamma: Array | None = None) -> Incidence:
         """With spins of these rows times a factor, or other angles."""

@@ -1,28 +1,101 @@
-"""A fit as slips and effects are compared with it: -2 log likelihood, all constants at their best."""
+"""A slip of the hand that was tried, and the fit that it is compared with: -2 log likelihood at its best."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
-from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables
+from ifrfit.inference.diagnostics.slips.alternatives import Alternative
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
-from ifrfit.inference.diagnostics.slips.slip import LARGEST
-from ifrfit.inference.diagnostics.thresholds import DECISIVE
+from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
-_AT_ONCE = 2_000_000  # numbers of values that are held for several tables
+LARGEST = 4.5  # prior standard deviations of a size
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
-_PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
+_OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A slip that was tried.
+
+    Attributes
+    ----------
+    name : str
+    drop : float
+        Fall of -2 log likelihood without it, constants at their best.
+    p : float
+        Of a slip with a size the p value, corrected for their number; else the likelihood ratio that is left
+        without the row that speaks most for it.
+    size, sd : float
+        Of a slip with a size; 0 else.
+    usual : float
+        Prior standard deviation of the size.
+    likely : tuple of float
+        Sizes that the prior is centred at.
+    observable : str
+        Whose values it is in; empty where it is in none.
+    series : str
+        The one series it is in; empty where it is in all.
+    rows : tuple of int
+        Single rows that it is in.
+    is_least : bool
+        Whether the size ended on the limit of what is searched.
+    constant : str
+        That changes in the course of the table; empty for another slip.
+    middle : float
+        Its mean.
+    e_n : float
+        Of the first series, with a slip that was fitted; nan else.
+    """
+
+    name: str
+    drop: float
+    p: float
+    size: float = 0.0
+    sd: float = 0.0
+    usual: float = math.inf
+    likely: tuple[float, ...] = (0.0,)
+    observable: str = ""
+    series: str = ""
+    rows: tuple[int, ...] = ()
+    is_least: bool = False
+    constant: str = ""
+    middle: float = 0.0
+    e_n: float = math.nan
+
+    @property
+    def rank(self) -> float:
+        """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
+        return self.drop - self.unlikely**2 / (self.usual**2 + self.sd**2)
+
+    @property
+    def log_bayes_factor(self) -> float:
+        """Of the law with a size of this prior over the law without, by Laplace's approximation."""
+        return 0.5 * self.rank + math.log(self.sd / math.hypot(self.usual, self.sd))
+
+    @property
+    def unlikely(self) -> float:
+        """Distance of the size from the nearest likely one."""
+        return min(abs(self.size - each) for each in self.likely)
+
+
+def is_decisive(slip: Slip) -> bool:
+    """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
+    if slip.unlikely > LARGEST * math.hypot(slip.usual, slip.sd):
+        return False
+    # impacts would cross the wall or its normal, or the law is missed by so much that no angle mends it
+    if slip.name == "angle-offset" and slip.is_least:
+        return False
+    return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
 
 
 @dataclass(frozen=True)
@@ -88,39 +161,33 @@ class ComparedFit:
             if drop >= 0.0:
                 break
             x, after = search(
-                lambda x, _: model(x[0, :, :-1], x[0, :, -1])[None],
+                lambda x: model(x[:, :-1], x[:, -1]),
                 self.misfit,
                 problem.rows.value,
-                np.append(theta, start)[None],
+                np.append(theta, start),
                 bounds,
             )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
-            constants = x[0, :-1]
+            drop, found = self.likelihood - float(self.misfit.likelihood(after)), float(x[-1])
+            constants = x[:-1]
             drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
         return drop, found, constants
 
-    def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
-        """Each with its residuals, in the unit of the given values."""
-        problem, value = self.problem, self.problem.rows.value
-        places = starts(problem, self.fit.optimum.theta)
-        many = max(1, _AT_ONCE // (len(places) * min(len(value), 60) + 5 * len(value)))
-        for first in range(0, len(every), many):
-            tables = Tables(problem, every[first : first + many])
-            each = np.arange(len(tables.every))
+    def of_alternative(self, each: Alternative) -> Array:
+        """Its residuals, in the unit of the given values."""
+        problem = self.problem
+        start = best_start(
+            lambda theta, rows: each.of_rows(rows).values(theta),
+            self.misfit,
+            problem.rows.value,
+            self._places,
+        )
+        target = self.likelihood - DECISIVE + _ROOM
+        bounds = problem.parameters.bounds()
+        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)[1]
 
-            def at_rows(theta: Array, rows: Index, tables: Tables = tables, each: Index = each) -> Array:
-                return tables.values(theta, each, rows)
-
-            start = best_start(at_rows, self.misfit, value, places)
-            _, after = search(
-                tables.values,
-                self.misfit,
-                value,
-                start,
-                problem.parameters.bounds(),
-                target=self.likelihood - DECISIVE + _ROOM,
-            )
-            yield from zip(tables.every, after, strict=True)
+    @cached_property
+    def _places(self) -> Array:
+        return starts(self.problem, self.fit.optimum.theta)
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -156,24 +223,17 @@ def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> flo
     return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
 
 
-@dataclass(frozen=True)
-class Offsets:
-    """Offsets of the angles of each series, beside constants that all share.
+def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> tuple[float, Array] | None:
+    """Fit offsets of the angles of each series, beside constants that all share.
 
-    Attributes
-    ----------
+    Returns
+    -------
     drop : float
         Fall of -2 log likelihood with them.
     size : ndarray, (n_series,)
-        Degrees by which the true angles exceed the given ones.
+        Degrees by which the true angles exceed the given ones. None, both, without angles, or where one is no
+        slip.
     """
-
-    drop: float
-    size: Array
-
-
-def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
-    """Fit an offset of the angles of each series; None without angles, or where one is no slip."""
     count = len(problem.series)
     named = [each for each in nuisances(problem) if each.name == "angle-offset"]
     plain = problem.error_model.is_plain and fit.angle_offset is None
@@ -184,26 +244,26 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
     ends = (np.full(count, end) for end in offset.limits)
     bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
 
-    def values(x: Array, _: Index) -> Array:
-        by_row = x[0, :, lower.size :][:, problem.rows.series]
-        return readings(problem, x[0, :, : lower.size], Flaw(offset=by_row))[None]
+    def values(x: Array) -> Array:
+        by_row = x[:, lower.size :][:, problem.rows.series]
+        return readings(problem, x[:, : lower.size], Flaw(offset=by_row))
 
     x, after = search(
         values,
         whole.misfit,
         problem.rows.value,
-        np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
+        np.append(fit.optimum.theta, _nearest_offsets(problem, fit)),
         (bounds[0], bounds[1]),
     )
-    drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
-    size = x[0, lower.size :]
-    return Offsets(drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
+    drop = whole.likelihood - float(whole.misfit.likelihood(after))
+    size = x[lower.size :]
+    return (drop, size) if np.abs(size).max() <= LARGEST * offset.usual else None
 
 
 def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Of a few offsets of the angles the best of each series, at the constants of a fit."""
-    theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
-    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
+    theta = np.tile(fit.optimum.theta, (_OFFSETS.size, 1))
+    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_OFFSETS[:, None]))
     square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
     owners = problem.rows.series == np.arange(len(problem.series))[:, None]
-    return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
+    return np.asarray(_OFFSETS[np.argmin(square @ owners.T, axis=0)])

@@ -12,16 +12,20 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
-from ifrfit.inference.diagnostics.slips.compared_fit import MOST_SERIES, ComparedFit, careful_drop
-from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, directions_of, nuisances, of_series
+from ifrfit.inference.diagnostics.slips.compared_fit import (
+    MOST_SERIES,
+    ComparedFit,
+    Slip,
+    careful_drop,
+    is_decisive,
+)
+from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.single_rows import missing_values, mixed_readings
-from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
-_FEWEST = 3  # degrees of freedom below which no slip is looked for
 _INVISIBLE = 1e-3  # standard deviations by which a slip of the largest size moves a value at most
 _LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
@@ -30,11 +34,6 @@ _OF_SPINS = ("spin-scale", "inertia-factor")
 _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
-
-
-def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
-    """Whether too few rows are left beside the constants to tell anything."""
-    return ComparedFit.of(problem, fit).dof < _FEWEST
 
 
 def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
@@ -66,19 +65,18 @@ def _usual(whole: ComparedFit) -> bool:
     return chi2 < DECISIVE + float(special.chdtri(whole.dof, 1.0 - _USUAL))
 
 
-def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Direction]]:
+def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Array]]:
     """Slips with a size, each with the derivative of the values by it."""
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
-    sized = [each for each in nuisances(problem) if each.name not in fitted]
-    return list(zip(sized, directions_of(sized, fit.optimum.theta), strict=True))
+    return [(each, each.slope(fit.optimum.theta)) for each in nuisances(problem) if each.name not in fitted]
 
 
-def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]]) -> list[Slip]:
+def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Array]]) -> list[Slip]:
     """Score tests along the derivative by each size; those that matter are fitted."""
     sigma = whole.fit.sigma
-    every = [(each, replace(one, change=one.change / sigma)) for each, one in sized]
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
-    every = [(each, one) for each, one in every if each.most * np.abs(one.change).max() > _INVISIBLE]
+    every = [(each, slope / sigma) for each, slope in sized]
+    every = [(each, along) for each, along in every if each.most * np.abs(along).max() > _INVISIBLE]
     best: dict[str, tuple[Nuisance, Score, float]] = {}
     for nuisance, score, p in _tested(whole, every, sigma):
         if nuisance.name not in best or score.drop > best[nuisance.name][1].drop:
@@ -87,15 +85,17 @@ def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]]) -> lis
 
 
 def _tested(
-    whole: ComparedFit, sized: Sequence[tuple[Nuisance, Direction]], sigma: Array
+    whole: ComparedFit, sized: Sequence[tuple[Nuisance, Array]], sigma: Array
 ) -> Iterator[tuple[Nuisance, Score, float]]:
     """Score tests along derivatives in units of sigma, each with p corrected for their number."""
     problem = whole.problem
     jacobian = problem.jacobian(whole.fit.optimum.theta) / sigma[:, None]
     known = problem.noise.is_known and problem.error_model.is_plain
-    tested = scores([direction for _, direction in sized], jacobian, whole.residual / sigma, known=known)
+    every = [Direction(each.name, along, two_sided=True) for each, along in sized]
+    tested = scores(every, jacobian, whole.residual / sigma, known=known)
     for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
-        yield next(each for each, direction in sized if direction is score.direction), score, p
+        place = next(i for i, direction in enumerate(every) if direction is score.direction)
+        yield sized[place][0], score, p
 
 
 def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Slip:
@@ -133,7 +133,8 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
     before, misfit = whole.before, whole.misfit
     dof = share * whole.dof
     found = []
-    for each, after in whole.of_alternatives(every):
+    for each in every:
+        after = whole.of_alternative(each)
         drop = whole.likelihood - float(misfit.likelihood(after))
         careful = max(careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
         ratio = min(1.0, count * math.exp(-0.5 * careful))
@@ -144,17 +145,14 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
 def _mixed(whole: ComparedFit) -> list[Slip]:
     """Tables some rows of which are read in another way, where that is decisive."""
     found = []
-    dof = whole.dof
-    for each in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
-        drop = whole.likelihood - float(whole.misfit.likelihood(each.residual)) - each.penalty
+    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+        drop = whole.likelihood - float(whole.misfit.likelihood(after)) - penalty
         if drop <= DECISIVE:
             continue
-        careful = careful_drop(whole.misfit, whole.before, each.residual, dof) - each.penalty
+        careful = careful_drop(whole.misfit, whole.before, after, whole.dof) - penalty
         if careful > DECISIVE:
-            rows = tuple(each.rows.tolist())
-            found.append(
-                Slip(each.name, drop, math.exp(-0.5 * careful), observable=each.observable, rows=rows)
-            )
+            name, ratio = f"mixed-{other.name}", math.exp(-0.5 * careful)
+            found.append(Slip(name, drop, ratio, observable=other.observable, rows=tuple(rows.tolist())))
     return found
 
 
@@ -164,7 +162,7 @@ def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
     return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
 
 
-def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]], *, differ: bool) -> list[Slip]:
+def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, differ: bool) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
     Those without are tried where the series do not share constants, one of them scatters more than the
@@ -181,9 +179,7 @@ def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Direction]], *, d
     for number in series:
         only = np.where(problem.rows.series == number, 1.0 / sigma, 0.0)
         of_one += [
-            (of_series(problem, each, number), replace(one, change=one.change * only))
-            for each, one in sized
-            if not each.constant
+            (of_series(problem, each, number), slope * only) for each, slope in sized if not each.constant
         ]
     tested = list(_tested(whole, of_one, sigma))
     found = []

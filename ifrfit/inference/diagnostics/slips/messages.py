@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ifrfit.inference.diagnostics.omitted_effects.selection import short_words
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import short_words
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
-from ifrfit.inference.diagnostics.slips.compared_fit import Offsets
-from ifrfit.inference.diagnostics.slips.slip import Slip
+from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.physics.inertia import BODIES
 from ifrfit.text import joined, p_text, plus_minus
 
@@ -173,9 +173,9 @@ def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], 
     return f"{says}: {remedy}"
 
 
-def offset_words(problem: Problem, found: Offsets) -> str:
+def offset_words(problem: Problem, sizes: Array) -> str:
     """That the angles of each series are off by numbers of their own, and what to do."""
-    named = list(zip(problem.series, found.size.tolist(), strict=True))
+    named = list(zip(problem.series, sizes.tolist(), strict=True))
     each = ", ".join(f"{-size:+.1f} in {series}" for series, size in named[:_MOST_SERIES])
     more = ", ..." if len(named) > _MOST_SERIES else ""
     return (

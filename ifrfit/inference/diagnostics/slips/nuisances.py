@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.independence import is_sorted_by_values
-from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.physics.angles import Incidence
@@ -212,6 +211,11 @@ class Nuisance:
         """Largest size, of either sign, that is searched."""
         return max(map(abs, self.limits))
 
+    def slope(self, theta: Array) -> Array:
+        """Derivative of every row's value by the size, (n,)."""
+        up, down = self.values(np.stack((theta, theta)), np.array([_STEP, -_STEP]))
+        return np.asarray(np.nan_to_num((up - down) / (2.0 * _STEP)))
+
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
@@ -320,13 +324,3 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
         return np.where(own, nuisance.values(theta, size), problem.predict(theta))
 
     return replace(nuisance, values=values, series=problem.series[number])
-
-
-def directions_of(every: Sequence[Nuisance], theta: Array) -> list[Direction]:
-    """Derivative of every row's value by each size."""
-    step, thetas = np.array([_STEP, -_STEP]), np.stack((theta, theta))
-    moved = ((each, *each.values(thetas, step)) for each in every)
-    return [
-        Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True)
-        for each, up, down in moved
-    ]

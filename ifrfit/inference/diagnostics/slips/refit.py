@@ -1,9 +1,9 @@
 """Constants of a changed table, by a search without proof: cheap enough to try every slip on every fit.
 
-`ifrfit.inference.optimize.batched_search` looks for the constants of one problem from many places. Here each
-start has a table, and so values, of its own, which may depend on a size beside the constants: of these no
-analytic slope, kink or prior is at hand. A fall of -2 log likelihood is wanted to a thousandth, and a search
-takes about half as long as one there.
+`ifrfit.inference.optimize.batched_search` looks for the constants of one problem from many places. Here a
+table has values of its own, which may depend on a size beside the constants: of these no analytic slope, kink
+or prior is at hand. A fall of -2 log likelihood is wanted to a thousandth, and a search takes about half as
+long as one there.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 
-# from constants, (tables or 1, m, p), and rows to values, (tables, m, rows)
-Values = Callable[[Array, Index], Array]
+# from parameters, (m, q), to values, (m, n)
+Values = Callable[[Array], Array]
 
 # values that are linear in e_n at given kappa need no choice of it
 _GRID = {"e_n": (0.75,), "mu": (0.03, 0.07, 0.12, 0.2, 0.35, 0.6)}
@@ -119,100 +119,81 @@ def starts(problem: Problem, theta: Array) -> Array:
     return found
 
 
-def best_start(values: Values, misfit: Misfit, value: Array, tried: Array) -> Array:
-    """Of several thetas, (m, p), the one whose values lie nearest, for each table, (tables, p)."""
+def best_start(values: Callable[[Array, Index], Array], misfit: Misfit, value: Array, tried: Array) -> Array:
+    """Of several thetas, (m, p), the one whose values lie nearest: they are asked of some rows, (m, rows)."""
     rows = np.arange(value.size)
     if rows.size > _ROWS_OF_STARTS:  # spread over the table, in step with no order that it may have
         rows = np.unique((np.arange(1, _ROWS_OF_STARTS + 1) * _GOLDEN % 1.0 * value.size).astype(np.intp))
-    far = misfit.of_rows(rows).likelihood(value[rows] - np.nan_to_num(values(tried[None], rows), nan=1e3))
-    return np.asarray(tried[np.argmin(far, axis=-1)])
+    far = misfit.of_rows(rows).likelihood(value[rows] - np.nan_to_num(values(tried, rows), nan=1e3))
+    return np.asarray(tried[np.argmin(far)])
 
 
 def search(
-    values: Callable[[Array, Index], Array],
+    values: Values,
     misfit: Misfit,
     value: Array,
     start: Array,
     bounds: tuple[Array, Array],
     target: float = math.inf,
 ) -> tuple[Array, Array]:
-    """Gauss-Newton within bounds, of several tables at once; noises follow from the residuals.
+    """Gauss-Newton within bounds; noises follow from the residuals.
 
     Parameters
     ----------
     values : callable
-        From parameters, (k, m, q), and the numbers of k tables to values, (k, m, n).
+        From parameters, (m, q), to values, (m, n).
     misfit : Misfit
     value : ndarray, (n,)
         As measured.
-    start : ndarray, (tables, q)
+    start : ndarray, (q,)
     bounds : (ndarray, ndarray), (q,) each
     target : float
         Minus twice the log likelihood: a table is given up whose steps are too short to reach it.
 
     Returns
     -------
-    x : ndarray, (tables, q)
-    residual : ndarray, (tables, n)
+    x : ndarray, (q,)
+    residual : ndarray, (n,)
     """
     lower, upper = bounds
     x = np.clip(start, lower, upper)
-    at = np.arange(len(x))
-    residual = value - np.nan_to_num(values(x[:, None], at))[:, 0]
-    now = np.asarray(misfit.likelihood(residual))
+    residual = value - np.nan_to_num(values(x[None]))[0]
+    now = float(misfit.likelihood(residual))
     for left_over in range(_STEPS, 0, -1):
-        here, r = x[at], residual[at]
-        change = _step(values, misfit, value, here, r, bounds, at)
-        tried = np.clip(here[:, None] + 0.5 ** np.arange(_HALVINGS)[:, None] * change[:, None], lower, upper)
-        left = value - np.nan_to_num(values(tried, at))
+        change = _step(values, misfit, value, x, residual, bounds)
+        tried = np.clip(x + 0.5 ** np.arange(_HALVINGS)[:, None] * change, lower, upper)
+        left = value - np.nan_to_num(values(tried))
         far = misfit.likelihood(left)
-        best = np.argmin(far, axis=1)
-        each = np.arange(at.size)
-        fall = now[at] - far[each, best]
-        better = fall > _AT_REST
-        moved = at[better]
-        x[moved], residual[moved] = tried[each, best][better], left[each, best][better]
-        now[moved] = far[each, best][better]
-        # what is too far away to be reached at this pace
-        near = now[moved] - left_over * fall[better] < target
-        at = moved[near | (left_over > _STEPS - _PATIENCE + 1)]
-        if not at.size:
+        best = int(np.argmin(far))
+        fall = now - float(far[best])
+        if not fall > _AT_REST:
+            break
+        x, residual, now = tried[best], left[best], float(far[best])
+        # too far away to be reached at this pace
+        if left_over <= _STEPS - _PATIENCE + 1 and now - left_over * fall >= target:
             break
     return x, residual
 
 
 def refitted(problem: Problem, misfit: Misfit, theta: Array) -> tuple[Array, Array]:
     """Constants, (p,), and residuals, (n,), of one table by `search` from theta; fixed ones are free, too."""
-    x, residual = search(
-        lambda tried, _: problem.predict(tried),
-        misfit,
-        problem.rows.value,
-        theta[None],
-        problem.parameters.bounds(),
-    )
-    return x[0], residual[0]
+    return search(problem.predict, misfit, problem.rows.value, theta, problem.parameters.bounds())
 
 
 def _step(
-    values: Callable[[Array, Index], Array],
-    misfit: Misfit,
-    value: Array,
-    x: Array,
-    residual: Array,
-    bounds: tuple[Array, Array],
-    at: Index,
+    values: Values, misfit: Misfit, value: Array, x: Array, residual: Array, bounds: tuple[Array, Array]
 ) -> Array:
-    """Gauss-Newton step of each table, (k, q), along what is not held by a bound."""
+    """Gauss-Newton step, (q,), along what is not held by a bound."""
     lower, upper = bounds
     step = _DIFFERENCE * np.where(x + _DIFFERENCE > upper, -1.0, 1.0)
-    moved = np.nan_to_num(values(x[:, None] + step[:, None] * np.eye(x.shape[1]), at))
+    moved = np.nan_to_num(values(x + np.diag(step)))
     sigma = misfit.sigma(residual)
-    scaled = (moved - (value - residual)[:, None]) / (step[..., None] * sigma[:, None])
+    scaled = (moved - (value - residual)) / (step[:, None] * sigma)
     z = residual / sigma
-    gradient = np.einsum("kin,kn->ki", scaled, z)
+    gradient = scaled @ z
     # a constant that lies on its bound but for rounding would take the step from those that can move
     room = _AT_BOUND * np.minimum(upper - lower, 1.0)
     held = (x <= lower + room) & (gradient < 0.0)
     held |= (x >= upper - room) & (gradient > 0.0)
     scaled[held] = 0.0
-    return np.asarray((np.linalg.pinv(scaled.transpose(0, 2, 1), rcond=_LOOSE) @ z[..., None])[..., 0])
+    return np.asarray(np.linalg.lstsq(scaled.T, z, rcond=_LOOSE)[0])

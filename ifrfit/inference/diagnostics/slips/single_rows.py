@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
-from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
@@ -35,32 +35,11 @@ _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not me
 
 
 @dataclass(frozen=True)
-class MixedReading:
-    """Rows that are meant in another way than the rest.
+class OtherReading:
+    """Another reading: what its rows then are, and which rows could be meant so.
 
-    Attributes
-    ----------
-    name : str
-    observable : str
-        Whose values are; empty where angles of incidence are.
-    rows : ndarray of int
-        Those of the other reading.
-    residual : ndarray, (n,)
-        With constants at their best, in units of what is meant.
-    penalty : float
-        Of -2 log likelihood: the choice between two readings, 2 log 2 an impact, and the change of unit.
+    `observable` is empty where angles of incidence are; `factor` is the change of unit.
     """
-
-    name: str
-    observable: str
-    rows: Index
-    residual: Array
-    penalty: float
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """Another reading: what its rows then are, and which rows could be meant so."""
 
     name: str
     observable: str
@@ -71,7 +50,9 @@ class _Reading:
     gain: float = _GAIN  # in chi2, by which it is the better one
 
 
-def mixed_readings(problem: Problem, misfit: Misfit, theta: Array) -> Iterator[MixedReading]:
+def mixed_readings(
+    problem: Problem, misfit: Misfit, theta: Array
+) -> Iterator[tuple[OtherReading, Index, Array, float]]:
     """Choose between two readings impact by impact, and fit the constants, in turns.
 
     This is the classification likelihood. Where there is but normal scatter the choice takes less than
@@ -84,32 +65,42 @@ def mixed_readings(problem: Problem, misfit: Misfit, theta: Array) -> Iterator[M
     misfit : Misfit
     theta : ndarray, (p,)
         Constants of the fit.
+
+    Yields
+    ------
+    reading : OtherReading
+    rows : ndarray of int
+        Those of the other reading.
+    residual : ndarray, (n,)
+        With constants at their best, in units of what is meant.
+    penalty : float
+        Of -2 log likelihood: the choice between two readings, 2 log 2 an impact, and the change of unit.
     """
     for reading in _readings(problem):
         found = _classified(problem, misfit, theta, reading)
         if found is not None:
-            yield found
+            yield reading, *found
 
 
-def _readings(problem: Problem) -> Iterator[_Reading]:
+def _readings(problem: Problem) -> Iterator[OtherReading]:
     rows = problem.rows
     value, gamma = rows.value, rows.gamma_deg
     for observable in rows.observables:
         own = rows.which == rows.names.index(observable.name)
         if observable.low < 0.0 and observable.kind in OBLIQUE:
-            yield _Reading("sign", observable.name, own, -value, gamma)
+            yield OtherReading("sign", observable.name, own, -value, gamma)
         if observable.name in _FRACTIONS and int((np.abs(value[own]) > _TALL).sum()) >= _FEWEST_OF_KIND:
-            yield _Reading("percent", observable.name, own, value / 100.0, gamma, 100.0)
+            yield OtherReading("percent", observable.name, own, value / 100.0, gamma, 100.0)
     if rows.has_angle.any():
-        yield _Reading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
+        yield OtherReading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
         small = rows.has_angle & (gamma <= 0.5 * math.pi)
         if int(small.sum()) >= _FEWEST_OF_KIND:
-            yield _Reading(
+            yield OtherReading(
                 "angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma), gain=_LOSS
             )
 
 
-def _read(problem: Problem, reading: _Reading, at: Bool) -> Problem:
+def _read(problem: Problem, reading: OtherReading, at: Bool) -> Problem:
     """The question with some rows read in the other way."""
     rows = problem.rows
     gamma = np.clip(np.where(at, reading.gamma, rows.gamma_deg), 0.0, 90.0)
@@ -120,7 +111,9 @@ def _read(problem: Problem, reading: _Reading, at: Bool) -> Problem:
     )
 
 
-def _classified(problem: Problem, misfit: Misfit, theta: Array, reading: _Reading) -> MixedReading | None:
+def _classified(
+    problem: Problem, misfit: Misfit, theta: Array, reading: OtherReading
+) -> tuple[Index, Array, float] | None:
     """The best division of the rows, from several starts; None where few or most are meant so."""
     other = _read(problem, reading, reading.possible)
     every = starts(problem, theta)
@@ -137,11 +130,11 @@ def _classified(problem: Problem, misfit: Misfit, theta: Array, reading: _Readin
     _, at, residual = best
     choices = np.unique(problem.rows.impacts[reading.possible]).size
     penalty = 2.0 * choices * math.log(2.0) + 2.0 * int(at.sum()) * math.log(reading.factor)
-    return MixedReading(f"mixed-{reading.name}", reading.observable, np.flatnonzero(at), residual, penalty)
+    return np.flatnonzero(at), residual, penalty
 
 
 def _divided(
-    problem: Problem, other: Problem, misfit: Misfit, reading: _Reading, theta: Array, sigma: Array
+    problem: Problem, other: Problem, misfit: Misfit, reading: OtherReading, theta: Array, sigma: Array
 ) -> tuple[Bool, Array]:
     """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
     impacts = problem.rows.impacts
@@ -195,7 +188,7 @@ def _far_from_rest(
         part.rows.value,
         starts(problem, fit.optimum.theta),
     )
-    theta, left = refitted(part, misfit, start[0])
+    theta, left = refitted(part, misfit, start)
     sigma = misfit.sigma(left)[rows.which[kept] == rows.names.index(name)]
     # readings scatter by their rounding at least
     floor = resolution(rows.value[own]) / math.sqrt(12.0)
