@@ -183,11 +183,10 @@ def _confined_by(problem: Problem, constant: Parameter) -> str:
 
 def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    kinds = problem.rows.kinds
     oblique = int(problem.rows.is_oblique.sum())
     direct = {"e_n": "normal", "mu": "friction"}
-    if oblique == 0 or constant.is_informed or direct.get(constant.name) in kinds:
+    known = {name for name, kind in direct.items() if problem.rows.of_kind(kind).any()}
+    if oblique == 0 or constant.is_informed or constant.name in known:
         return False
-    known = {name for name, kind in direct.items() if kind in kinds}
     unknown = [c for c in problem.parameters.entries if not c.is_informed and c.name not in known]
     return oblique <= len(unknown)
