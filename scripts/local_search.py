@@ -28,13 +28,12 @@ class Local:
         with np.errstate(divide="ignore"):
             self.cot = 1.0 / rows.tau
         n, ones = rows.value.size, np.ones(rows.value.size)
-        kind = rows.kinds
         scale = np.array([OBSERVABLES[x].scale for x in rows.names])[rows.which]
-        self.tangential, self.friction = kind == "tangential", kind == "friction"
+        self.tangential, self.friction = rows.of_kind("tangential"), rows.of_kind("friction")
         # the rebound at k = 0 and k = 1 with e_n = 1 fixes the straight line in k
         self.offset = problem.values_with(np.zeros(n), ones, 0.0 * ones)
         self.slope = problem.values_with(ones, ones, 0.0 * ones) - self.offset
-        self.normal = np.where(kind == "normal", self.offset, 0.0)
+        self.normal = np.where(rows.of_kind("normal"), self.offset, 0.0)
         self.offset = np.where(self.tangential, self.offset, 0.0)
         self.slope = np.where(self.tangential, self.slope, 0.0)
         self.impulse, self.rebound = scale == "impulse", scale == "rebound"

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
+from ifrfit.cli.options import Repeated
 from ifrfit.cli.output import command
-
-Repeated = list[str]
 
 datasets = typer.Typer(
     help="Bundled datasets, and your digitisations in their place.",

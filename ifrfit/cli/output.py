@@ -1,4 +1,4 @@
-"""What a command leaves: its text or JSON on standard output, and the names of its files."""
+"""What a command says: text or JSON, the names of its files, an error in a sentence, that work goes on."""
 
 from __future__ import annotations
 

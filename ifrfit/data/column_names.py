@@ -253,25 +253,16 @@ def closest(name: str) -> str | None:
 
 def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]:
     """Return up to `most` of the known column names and `also` that resemble `name`, the closest first."""
+    # with their units, which other names have not
+    schema = {"gamma": "gamma_deg", "sigma_gamma": "sigma_gamma_deg", "speed": "speed_m_s"}
+    si = {"speed": "m_s", "rate": "rad_s", "length": "m"}
     names = [
-        *schema_names(),
+        *(schema.get(each, each) for each in COMMON),
         *OBSERVABLES,
         *(f"sigma_{o}" for o in OBSERVABLES),
-        *raw_names(),
+        *(f"{each}_{si[dimension]}" for each, dimension in RAW.items()),
         *OPEN,
         *_NAMES["angles"],
     ]
     plain = parse_header(name).name
     return difflib.get_close_matches(plain, dict.fromkeys([*names, *also]), n=most, cutoff=0.6)
-
-
-def schema_names() -> list[str]:
-    """Return the column names of the schema with their units."""
-    unit = {"gamma": "gamma_deg", "sigma_gamma": "sigma_gamma_deg", "speed": "speed_m_s"}
-    return [unit.get(name, name) for name in COMMON]
-
-
-def raw_names() -> list[str]:
-    """Return the column names of raw velocities with SI units."""
-    unit = {"speed": "m_s", "rate": "rad_s", "length": "m"}
-    return [f"{name}_{unit[dimension]}" for name, dimension in RAW.items()]

@@ -50,8 +50,6 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
     raw = read_bytes(path)
     sha256 = hashlib.sha256(raw).hexdigest()
     if raw[:4] == b"PAR1":
-        from ifrfit.data.tabular import read_parquet
-
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
     else:

@@ -191,7 +191,8 @@ def make_question(
     observations = with_propagated_sigma(observations, noise.error_model)
     conditions = setting_of(observations, inertia_factor, scene)
     assumed = _assumed(observations, inertia_factor, given=stated is not None)
-    return Question(observations, inertia_factor, noise, conditions, model.separates_noise, assumed)
+    # noises of its own: as said, or with constants of its own
+    return Question(observations, inertia_factor, noise, conditions, bool(model.separate), assumed)
 
 
 def _assumed(observations: Observations, inertia_factor: float, *, given: bool) -> tuple[str, ...]:
@@ -257,7 +258,7 @@ def gather(
     ]
     if not read:
         raise UsageError("There is nothing to fit: name a file or a dataset.")
-    return read[0] if len(read) == 1 else combine(read)
+    return combine(read)
 
 
 def _inertia_factor(observations: Observations) -> float:

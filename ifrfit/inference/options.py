@@ -97,11 +97,6 @@ class Model(Options):
             separate=tuple(name for name in self.separate if name != NOISE),
         )
 
-    @property
-    def separates_noise(self) -> bool:
-        """Whether each series has unknown noises of its own: as said, or with constants of its own."""
-        return bool(self.separate)
-
     def with_closure(self, closure: Closure) -> Model:
         """The same with another closure, and of the choices those for constants that it has."""
         own = closure.constants

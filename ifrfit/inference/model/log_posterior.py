@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import At, RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
@@ -41,33 +39,25 @@ class Density:
         """Free entries of theta."""
         return self.problem.free_parameters
 
-    @cached_property
-    def noises(self) -> Mapping[str, tuple[float, float]]:
-        """Ends of each unknown noise by its group; "" is a common factor on sigma."""
-        return self.problem.noise_bounds()
-
     @property
     def names(self) -> tuple[str, ...]:
         """What the coordinates of a point stand for: free constants, then noises, then the angle offset."""
-        offset = () if self.problem.offset is None else (self.problem.offset.name,)
-        return (*(u.name for u in self.unknowns), *map(noise_name, self.noises), *offset)
+        return tuple(each.name for each in self.problem.coordinates)
 
     @cached_property
     def of_noise(self) -> slice:
         """Coordinates of the noises."""
-        return slice(len(self.unknowns), len(self.unknowns) + len(self.noises))
+        return slice(len(self.unknowns), len(self.unknowns) + len(self.problem.noise_groups()))
 
     @cached_property
     def lower(self) -> Array:
         """Lower ends of the coordinates, (d,)."""
-        ends = [*(u.lower for u in self.unknowns), *(math.log(a) for a, _ in self.noises.values())]
-        return np.array(ends if self.problem.offset is None else [*ends, self.problem.offset.lower])
+        return np.array([each.lower for each in self.problem.coordinates])
 
     @cached_property
     def upper(self) -> Array:
         """Upper ends of the coordinates, (d,)."""
-        ends = [*(u.upper for u in self.unknowns), *(math.log(b) for _, b in self.noises.values())]
-        return np.array(ends if self.problem.offset is None else [*ends, self.problem.offset.upper])
+        return np.array([each.upper for each in self.problem.coordinates])
 
     def __call__(self, points: Array) -> Array:
         """Log of prior times likelihood, (m,); -inf outside the domain.
@@ -87,12 +77,9 @@ class Density:
         """Log of the normalised prior density, (m,); -inf outside the domain."""
         inside = ((points >= self.lower) & (points <= self.upper)).all(axis=1)
         total = np.where(inside, 0.0, -np.inf)
-        for unknown, at in zip(self.unknowns, points.T, strict=False):
-            total = total + unknown.log_prior(at)
-        if self.problem.offset is not None:
-            total = total + self.problem.offset.log_prior(points[:, -1])
-        spans = (self.upper - self.lower)[self.of_noise]
-        return np.asarray(total - np.log(spans).sum())
+        for each, at in zip(self.problem.coordinates, points.T, strict=True):
+            total = total + each.log_prior(at)
+        return np.asarray(total)
 
     def rows(self, points: Array) -> Array:
         """Log likelihood of each row where rows are independent, (m, n)."""

@@ -15,7 +15,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise import CHOICES, POLICIES, NoiseModel, Policy, mixed_noise
+from ifrfit.inference.model.noise import CHOICES, POLICIES, NoiseModel, Policy, mixed_noise, noise_name
 from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closure import Closure
@@ -172,6 +172,17 @@ class Problem:
         pairs = zip(self.parameters.names, self.parameters.entries, strict=True)
         return tuple(FreeParameter.of(name, each) for name, each in pairs if each.fixed is None)
 
+    @cached_property
+    def coordinates(self) -> tuple[FreeParameter, ...]:
+        """Domain and prior of each unknown: free entries of theta, logarithms of noises, the angle offset."""
+        noises = (
+            FreeParameter(
+                noise_name(group), math.log(low), math.log(high), None, -math.log(math.log(high / low))
+            )
+            for group, (low, high) in self.noise_bounds().items()
+        )
+        return (*self.free_parameters, *noises, *([] if self.offset is None else [self.offset]))
+
     def log_posterior(self, theta: Array, noise: Array | None = None) -> Array:
         """Log of the normalised prior times the likelihood, for who brings a sampler.
 
@@ -205,20 +216,18 @@ class Problem:
                 f"{self.error_model.option} has no density by rows. Take "
                 "ifrfit.inference.model.log_posterior.Density(problem)."
             )
-        bounds = list(self.noise_bounds().values())
-        if noise is None and bounds:
-            names = ", ".join(name or "a common factor" for name in self.noise_bounds())
+        groups = self.noise_groups()
+        if noise is None and groups:
+            names = ", ".join(name or "a common factor" for name in groups)
             raise UsageError(f"The noise is unknown ({names}): give log_posterior the noises, too.")
         theta = np.asarray(theta, dtype=float)
         flat = theta.reshape(-1, theta.shape[-1])
-        noises = np.ones((len(flat), 0)) if noise is None else np.reshape(noise, (-1, len(bounds)))
+        noises = np.ones((len(flat), 0)) if noise is None else np.reshape(noise, (-1, len(groups)))
         total = np.zeros(len(flat))
-        for each, value in zip(self.free_parameters, flat[:, self.parameters.free].T, strict=True):
+        points = (*flat[:, self.parameters.free].T, *np.log(noises).T)
+        for each, value in zip(self.coordinates, points, strict=True):
             inside = (value >= each.lower) & (value <= each.upper)
             total = total + np.where(inside, each.log_prior(value), -np.inf)
-        for (low, high), value in zip(bounds, noises.T, strict=True):
-            inside = (value >= low) & (value <= high)
-            total = total + np.where(inside, -math.log(math.log(high / low)), -np.inf)
         inside = np.isfinite(total)
         total[inside] += self.row_log_likelihood(flat[inside], noises[inside]).sum(axis=1)
         return total.reshape(theta.shape[:-1])

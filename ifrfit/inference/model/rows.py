@@ -133,11 +133,6 @@ class Rows:
         return self._mask([o.kind == "tangential" and o.scale == scale for o in self.observables])
 
     @property
-    def kinds(self) -> NDArray[np.str_]:
-        """Kind of the observable of each row, (n,)."""
-        return np.array([o.kind for o in self.observables])[self.which]
-
-    @property
     def is_oblique(self) -> Bool:
         """Which rows know the closure: they measure neither e_n nor mu alone, (n,)."""
         return self.of_kind(*OBLIQUE)

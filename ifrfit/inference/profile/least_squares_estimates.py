@@ -20,8 +20,7 @@ from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, entry, kappa
 from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import by_constant, marginal_of_normal
-from ifrfit.inference.summary.gaussian import prior_reasons
-from ifrfit.inference.summary.identification import known_of
+from ifrfit.inference.summary.gaussian import known_of, prior_reasons
 from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out

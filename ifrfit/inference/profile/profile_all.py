@@ -29,8 +29,7 @@ from ifrfit.inference.summary.derived import (
     transitions_of,
 )
 from ifrfit.inference.summary.estimates import by_constant
-from ifrfit.inference.summary.gaussian import prior_reasons
-from ifrfit.inference.summary.identification import known_of
+from ifrfit.inference.summary.gaussian import known_of, prior_reasons
 from ifrfit.inference.summary.status import KAPPA, Known, linear
 from ifrfit.physics.closure import Meaning
 from ifrfit.physics.transition import transition_angles

@@ -83,30 +83,24 @@ def predict(
         "spin_y": s_y,
         "value": _curves(result, wanted, incidence, result.state.point[None], own_series)[0],
     }
-    warnings = tuple(filter(None, [_excess_friction(result, incidence, own_series)]))
-    if not bands:
-        return _with_warnings(pd.DataFrame(table), warnings)
-    rng = np.random.default_rng(result.seed)
-    sample = result.state.sample
-    if sample is None:
-        sample = truncated_draws(result.state, _DRAWS, rng)
-    curves = _curves(result, wanted, incidence, sample, own_series)
-    band = np.quantile(curves, _QUANTILES, axis=0)
-    # where a bound holds the optimum back the curve runs along the edge of its band, never outside
-    band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
-    band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
-    own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
-    table |= dict(zip(BANDS, band, strict=True))
-    error_model = result.noise.error_model
-    noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
-    new = np.quantile(curves + noise, _QUANTILES, axis=0)
-    table |= {f"new_{end}": curve for end, curve in zip(BANDS, new, strict=True)}
-    return _with_warnings(pd.DataFrame(table), warnings)
-
-
-def _with_warnings(table: pd.DataFrame, warnings: tuple[str, ...]) -> pd.DataFrame:
-    table.attrs["warnings"] = warnings
-    return table
+    if bands:
+        rng = np.random.default_rng(result.seed)
+        sample = result.state.sample
+        if sample is None:
+            sample = truncated_draws(result.state, _DRAWS, rng)
+        curves = _curves(result, wanted, incidence, sample, own_series)
+        band = np.quantile(curves, _QUANTILES, axis=0)
+        # where a bound holds the optimum back the curve runs along the edge of its band, never outside
+        band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
+        band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
+        own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
+        error_model = result.noise.error_model
+        noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
+        new = np.quantile(curves + noise, _QUANTILES, axis=0)
+        table |= dict(zip((*BANDS, *(f"new_{end}" for end in BANDS)), (*band, *new), strict=True))
+    frame = pd.DataFrame(table)
+    frame.attrs["warnings"] = tuple(filter(None, [_excess_friction(result, incidence, own_series)]))
+    return frame
 
 
 def _excess_friction(result: Findings, incidence: Incidence, series: str) -> str:

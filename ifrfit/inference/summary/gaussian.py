@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
-from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional
 from ifrfit.inference.result.types import State
-from ifrfit.inference.summary.status import on_bound
+from ifrfit.inference.summary.status import KAPPA, ON_BOUNDS, Known, on_bound
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -140,3 +142,50 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
         elif fit.gaussian.variance(functional, domain.prior_sd) < HALF**2 * without:
             found[name] = reason
     return found
+
+
+def known_of(
+    problem: Problem, fit: LeastSquaresFit, name: str, sd: float, reasons: Mapping[str, str]
+) -> Known:
+    """What the rule of statuses asks of a free entry of theta, or of kappa.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    name : str
+    sd : float
+        By the covariance; infinite where the data do not see the quantity.
+    reasons : mapping
+        As `ifrfit.inference.summary.gaussian.prior_reasons`.
+    """
+    prior = reasons.get(name, "") if math.isfinite(sd) else ""
+    unique = fit.optimum.n_same == 1
+    seen = math.isfinite(sd) and reasons.get(name) != ""
+    if name not in problem.parameters.names:
+        return Known(seen, unique, prior, plain=KAPPA)
+    constant = problem.parameters.entries[problem.parameters.names.index(name)]
+    if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
+        loose = f"the data fix kappa = {KAPPA} only" if constant.name == "mu" else Known.loose
+        return Known(False, True, prior, loose=loose, bounds=_confined_by(problem, constant))
+    return Known(
+        seen and not too_few(problem, constant), unique, prior, bounds=_confined_by(problem, constant)
+    )
+
+
+def _confined_by(problem: Problem, constant: Parameter) -> str:
+    """The reason where bounds of the user confine a constant, or its partner in kappa; else nothing."""
+    partners = ("e_n", "mu") if constant.name in ("e_n", "mu") else (constant.name,)
+    named = [name for name in partners if problem.parameters[name].is_confined]
+    return f"{ON_BOUNDS} of {' and '.join(named)}" if named else ""
+
+
+def too_few(problem: Problem, constant: Parameter) -> bool:
+    """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
+    oblique = int(problem.rows.is_oblique.sum())
+    direct = {"e_n": "normal", "mu": "friction"}
+    known = {name for name, kind in direct.items() if problem.rows.of_kind(kind).any()}
+    if oblique == 0 or constant.is_informed or constant.name in known:
+        return False
+    unknown = [c for c in problem.parameters.entries if not c.is_informed and c.name not in known]
+    return oblique <= len(unknown)

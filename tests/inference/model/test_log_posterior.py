@@ -67,7 +67,7 @@ def test_each_noise_of_its_own_is_in_the_exact_evidence():
     # with all constants fixed the posterior is that of the two noises alone
     rows = problem.rows.value - problem.predict(np.array([0.9, -0.8, 0.15]))
     expected = 0.0
-    for group, (low, high) in density.noises.items():
+    for group, (low, high) in density.problem.noise_bounds().items():
         at = np.exp(np.linspace(math.log(low), math.log(high), 20001))
         own = rows[problem.groups()[group]]
         like = stats.norm.logpdf(own[:, None], 0.0, at).sum(axis=0)
