@@ -50,16 +50,12 @@ def _weighted(columns: list[Array | None], mix: Array, weight: Array) -> Array |
 class Frame:
     """The affine map from free unknowns t to all three: full = base + columns @ t."""
 
-    def __init__(self, fixed: tuple[float | None, float | None, float | None]) -> None:
+    def __init__(self, *constants: Parameter | None) -> None:
+        # fixed constants stay as they are; None stands for an unknown that is no constant
+        fixed = [None if c is None else c.fixed for c in constants]
         self.base = np.array([0.0 if value is None else value for value in fixed])
         self.columns = np.eye(3)
         self.free = [value is None for value in fixed]
-
-    @classmethod
-    def of(cls, *constants: Parameter | None) -> Frame:
-        """Take the fixed constants as they stand; None for an unknown that is no constant."""
-        first, second, third = (None if c is None else c.fixed for c in constants)
-        return cls((first, second, third))
 
     def tie(self, unknown: int, constant: float, factor: float) -> None:
         """Make one unknown a function of the first: constant + factor * first."""

@@ -65,7 +65,7 @@ def kappa_form(group: ParameterGroup) -> LinearForm:
         forms.add_prior(group.mu, 2, 1.0 / (1.0 + e))
     forms.add_prior(group.e_n, 0)
     forms.add_prior(group.c, 1)
-    frame = Frame.of(group.e_n, group.c, None)
+    frame = Frame(group.e_n, group.c, None)
     if group.mu.fixed is not None:
         frame.tie(2, group.mu.fixed, group.mu.fixed)  # kappa = mu + mu e_n
     domain = Domain()
@@ -96,7 +96,7 @@ def _friction_family(group: ParameterGroup) -> LinearForm:
         e_n = full[2] / full[0] - 1.0 if full[0] > 0.0 else middle
         return min(max(e_n, group.e_n.lower), group.e_n.upper), full[1], full[0]
 
-    frame = Frame.of(group.mu, group.c, None)
+    frame = Frame(group.mu, group.c, None)
     return forms.finish(frame, domain, [0.0, group.coefficients.b1, 0.0], group.coefficients.b0, back)
 
 
@@ -114,7 +114,7 @@ def _impulse_family(group: ParameterGroup) -> LinearForm:
     def back(full: Array) -> Constants:
         return 1.0 / full[0] - 1.0, full[1] / full[0], full[2]
 
-    frame = Frame.of(None, None, group.mu)
+    frame = Frame(None, None, group.mu)
     if group.c.fixed is not None:
         frame.tie(1, 0.0, group.c.fixed)
     return forms.finish(frame, domain, [group.coefficients.b0, group.coefficients.b1, 0.0], 0.0, back)
@@ -132,7 +132,7 @@ def _rebound_family(group: ParameterGroup) -> LinearForm:
     def back(full: Array) -> Constants:
         return 1.0 / full[0], full[1] / full[0], full[2] / (full[0] + 1.0)
 
-    frame = Frame.of(None, None, None)
+    frame = Frame(None, None, None)
     if group.c.fixed is not None:
         frame.tie(1, 0.0, group.c.fixed)
     if group.mu.fixed is not None:
@@ -149,7 +149,7 @@ def _direct_family(group: ParameterGroup) -> LinearForm:
     for unknown, constant in enumerate((group.e_n, group.c, group.mu)):
         forms.add_prior(constant, unknown)
         domain.between(unknown, constant)
-    frame = Frame.of(group.e_n, group.c, group.mu)
+    frame = Frame(group.e_n, group.c, group.mu)
 
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2]
