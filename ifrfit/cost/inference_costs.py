@@ -17,7 +17,7 @@ from ifrfit.cost.compared_estimates import (
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns, timed_result
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.tolerance_ladder import LADDER, foreseen
+from ifrfit.inference.accuracy.select_method import LADDER, foreseen
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Estimator
 from ifrfit.inference.model.log_posterior import Density

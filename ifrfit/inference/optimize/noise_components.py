@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, Minimum
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import linear_form
+from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.parameter_group import (
     Array,
     ParameterGroup,

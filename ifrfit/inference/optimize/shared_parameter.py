@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.decomposition import Decomposition, PiecewiseMember
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import kappa_form
+from ifrfit.inference.optimize.linear_families import LinearForm, kappa_form
 from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
 from ifrfit.inference.optimize.parameter_group import (
     Constants,

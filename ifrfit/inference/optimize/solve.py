@@ -11,8 +11,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import linear_form
+from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
 from ifrfit.inference.optimize.parameter_group import (
