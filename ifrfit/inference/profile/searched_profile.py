@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, Found
+from ifrfit.inference.optimize.batched_search import FollowingMu, Found
 from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.objective import Misfit
@@ -64,8 +64,7 @@ class SearchedProfile:
         self._misfit, self._constraint = misfit, constraint
         free = problem.parameters.free.copy()
         free[constraint.place if constraint.mu is None else constraint.mu.i_mu] = False
-        lower, upper = problem.parameters.bounds()
-        self._search = BatchedSearch(problem, misfit.base, misfit.groups, free, lower, upper, constraint.mu)
+        self._search = replace(misfit.search, free=free, mu=constraint.mu)
         fit = misfit.fit
         places = [fit.optimum.theta, *fit.optimum.outlying]
         places += [mode.theta for mode in misfit.modes[1:]]
