@@ -117,12 +117,7 @@ def make_batched_group(group: ParameterGroup, rows: Index, sigma: Array) -> Batc
     if form is None:
         return None
     order = np.argsort(form.problem.tau, kind="stable")
-    piecewise = replace(
-        form.problem,
-        tau=form.problem.tau[order],
-        stick=form.problem.stick.take(order),
-        slide=form.problem.slide.take(order),
-    )
+    piecewise = form.problem.take(order)
     switching = own[form.switching[order]]
     always = np.where(form.always < 0, form.always, own[np.maximum(form.always, 0)] if own.size else -1)
     weight = _with_prior_columns(1.0 / sigma[None] ** 2)

@@ -69,12 +69,9 @@ class PiecewiseMember:
         return minimise(self.problem)
 
     @cached_property
-    def _profile(self) -> PiecewiseProfile:
-        return PiecewiseProfile(self.problem, self.optimum.t, self.unknown)
-
-    def profile(self, x: Array) -> tuple[Array, Array]:
+    def profile(self) -> PiecewiseProfile:
         """Value and slope at many places, in closed form."""
-        return self._profile(x)
+        return PiecewiseProfile(self.problem, self.optimum.t, self.unknown)
 
     def value(self, x: float) -> float:
         """Value at one place, certified."""
