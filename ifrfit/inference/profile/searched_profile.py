@@ -1,4 +1,4 @@
-"""Profiles of problems that only a search can solve: many values of a quantity in one batched search."""
+"""Profiles by the batched search: many values of a quantity at once, each from the optima beside it."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.objective import Misfit
 
-_SEEDS, _MOST = (
-    2,
-    6,
-)  # places from which the search begins at each value, the lowest; at those looked at first
+# the lowest places from which the search begins at each value, and at those looked at first
+_SEEDS, _MOST = 2, 6
 _SWEEPS = 4  # from the optimum at one value to that at the next
 _IMPROVED = 1e-7  # fall of the rise that calls for another sweep
 _OTHER = 1e-6  # places nearer than this are one
