@@ -3,7 +3,7 @@
 ``python benchmarks/posterior_ess.py [--only i,ii] [--out DIR] [--readme]``
 
 All are judged alike: the least effective number of draws in the bulk over the constants, by
-`ifrfit.inference.mcmc.chain_diagnostics`, over the wall time of the whole run. Ours stop by themselves, and
+`ifrfit.inference.mcmc.stopping`, over the wall time of the whole run. Ours stop by themselves, and
 their time holds the looks at the chains; the others get a fixed number of steps, of which the
 first fifth is discarded.
 """
@@ -58,7 +58,7 @@ SAMPLERS: dict[str, Callable[[Scene, int], Array]] = {
 
 def speeds(key: str) -> list[dict[str, Any]]:
     """All samplers on one scene, in turns, so that whatever else the machine does meets all alike."""
-    from ifrfit.inference.mcmc.chain_diagnostics import effective_bulk
+    from ifrfit.inference.mcmc.stopping import effective_bulk
 
     scene = make_scene(key)
     seconds: dict[str, list[float]] = {name: [] for name in SAMPLERS}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit.cost.timing import Cost, Timing, in_turns, timed_result
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.tolerance_ladder import LADDER, foreseen
+from ifrfit.inference.accuracy.select_method import LADDER, foreseen
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width

@@ -18,7 +18,7 @@ from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.diagnostics.optimum_facts import angle_offset
 from ifrfit.inference.fit import make_question
-from ifrfit.inference.mcmc.coordinates import Coordinates
+from ifrfit.inference.mcmc.starts import Coordinates
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.log_posterior import Density

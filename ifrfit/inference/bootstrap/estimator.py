@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from ifrfit.inference.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+FitLot = Callable[[list[np.random.SeedSequence]], ReplicateFits]
 
 REPLICATES = 1000
 _FEWEST, _MOST = 100, 1_000_000
@@ -135,7 +136,7 @@ def bootstrap(
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
     lots = [seeds[start : start + size] for start in range(0, replicates, size)]
-    task = Task(problem, chosen, solver)
+    task = partial(fit_lot, solver, chosen)
     parts: list[ReplicateFits] = []
     for part in each(task, lots, 1 if together else workers):
         parts.append(part)
@@ -144,21 +145,14 @@ def bootstrap(
     return _collect(problem, chosen, concatenate_fits(parts), seed)
 
 
-@dataclass(frozen=True)
-class Task:
-    """What a worker needs to draw and to fit a lot."""
-
-    problem: Problem
-    scheme: Scheme
-    solver: BatchedSolver | SequentialSolver
-
-    def __call__(self, seeds: list[np.random.SeedSequence]) -> ReplicateFits:
-        """Draw one replicate a seed, and fit them."""
-        lot = draw_replicates(self.problem, self.scheme, seeds)
-        return self.solver.solve(lot)
+def fit_lot(
+    solver: BatchedSolver | SequentialSolver, scheme: Scheme, seeds: list[np.random.SeedSequence]
+) -> ReplicateFits:
+    """Draw one replicate a seed, and fit them."""
+    return solver.solve(draw_replicates(solver.problem, scheme, seeds))
 
 
-def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[ReplicateFits]:
+def each(task: FitLot, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[ReplicateFits]:
     """Fit the lots in order, here or in processes of their own."""
     if workers == 1 or len(lots) == 1:
         yield from map(task, lots)

@@ -12,9 +12,8 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.moves import moves
-from ifrfit.inference.mcmc.stopping import is_met
+from ifrfit.inference.mcmc.stopping import Evidence, is_met
 from ifrfit.inference.worker_processes import worker_processes
 
 Array = NDArray[np.float64]

@@ -11,12 +11,10 @@ import numpy as np
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.distributions.draws import Draws
-from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
-from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.mcmc.run import MAX_STEPS, Chains, Halt, Progress, begin, run
-from ifrfit.inference.mcmc.starts import starts
-from ifrfit.inference.mcmc.stopping import Verdict, is_met, verdict_of
+from ifrfit.inference.mcmc.starts import Coordinates, starts
+from ifrfit.inference.mcmc.stopping import Evidence, Verdict, is_met, verdict_of
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit

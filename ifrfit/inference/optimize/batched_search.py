@@ -193,8 +193,7 @@ class BatchedSearch:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
             z = self.problem.residual(theta) / self.base
-            prior = np.square(self.problem.parameters.prior_residuals(theta)).sum(axis=1)
-            return self._of_residuals(z, dof) + prior, z
+            return (dof * np.log(self.squares(z))).sum(axis=1) + self.of_known(theta, z), z
 
     def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
@@ -312,16 +311,17 @@ class BatchedSearch:
         """Sum of squares of each group below which there is nothing but rounding."""
         return np.array([self.problem.rounding_variance(rows) * rows.size for rows in self.groups])
 
-    def _squares(self, z: Array) -> Array:
+    def squares(self, z: Array) -> Array:
         """Sum of squares of each group, (m, groups)."""
         if not self.groups:
             return np.zeros((len(z), 0))
         found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self.groups], axis=1)
         return np.asarray(np.maximum(found, self._least))
 
-    def _of_residuals(self, z: Array, dof: Array) -> Array:
-        total = (dof * np.log(self._squares(z))).sum(axis=1)
-        return np.asarray(total + (z[:, self._is_known] ** 2).sum(axis=1))
+    def of_known(self, theta: Array, z: Array) -> Array:
+        """chi2 of rows with a known sigma and of the priors, (m,)."""
+        prior = self.problem.parameters.prior_residuals(theta)
+        return np.asarray((z[:, self._is_known] ** 2).sum(axis=1) + np.square(prior).sum(axis=1))
 
     def _through_mu(self, columns: Array, theta: Array, x: Array) -> Array:
         """Derivatives by all of theta, (m, ..., p), as those by what is free, with the mu that follows."""
@@ -375,7 +375,7 @@ class BatchedSearch:
         slopes = slopes / self.base[:, None]
         slopes = self._through_mu(slopes, theta, x)
         weight = np.ones(z.shape)
-        squares = self._squares(z)
+        squares = self.squares(z)
         for number, rows in enumerate(self.groups):
             weight[:, rows] = (dof[:, number] / squares[:, number])[:, None]
         gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]

@@ -71,8 +71,6 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
         np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
         bool((which == 0).any()),
         bool((which == found.bounds.size - 1).any()),
-        found.bounds.size,
-        found.cells.size,
     )
 
 

@@ -24,14 +24,13 @@ from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimu
 
 _CUTS = 300  # at the most
 _NARROW = 1e-13
-_SHARE = 0.01  # of the range, to either side of a place near the optimum
 _CUT = 0.125  # of an interval, to either side of the minimum in it
 
 _AT_ONCE = 1_000_000  # constraints met at once
 _SLACK = 1e-9  # of a constraint that the other unknown cannot move, relative to its terms
 
 
-class BoundedMember(Protocol):
+class Member(Protocol):
     """A function of the linking parameter that can be bounded from below."""
 
     def lower_bound(self, low: float, high: float, multiplier: float) -> float:
@@ -39,47 +38,14 @@ class BoundedMember(Protocol):
         ...
 
 
-class Member(BoundedMember, Protocol):
-    """A function f of the linking parameter x."""
-
-    def profile(self, x: Array) -> tuple[Array, Array]:
-        """Value f(x) and slope f'(x) at many places, each (n,)."""
-        ...
-
-    def value(self, x: float) -> float:
-        """f(x) with all its digits."""
-        ...
-
-
 def lagrangian_bound(
-    members: Sequence[BoundedMember], multipliers: Sequence[float], low: float, high: float
+    members: Sequence[Member], multipliers: Sequence[float], low: float, high: float
 ) -> float:
     """Lower bound of the sum of the members over an interval, eq. (8); the multipliers must sum to zero."""
     return sum(
         member.lower_bound(low, high, multiplier)
         for member, multiplier in zip(members, multipliers, strict=True)
     )
-
-
-@dataclass(frozen=True)
-class GaussianMember:
-    """((x - mean)/sd)^2: a prior of the linking parameter."""
-
-    mean: float
-    sd: float
-
-    def profile(self, x: Array) -> tuple[Array, Array]:
-        """Value and slope at many places."""
-        return ((x - self.mean) / self.sd) ** 2, 2.0 * (x - self.mean) / self.sd**2
-
-    def value(self, x: float) -> float:
-        """Value at one place."""
-        return ((x - self.mean) / self.sd) ** 2
-
-    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
-        """Minimum with the multiplier, a parabola's."""
-        x = min(max(self.mean - 0.5 * multiplier * self.sd * self.sd, low), high)
-        return self.value(x) + multiplier * x
 
 
 @dataclass(frozen=True)
@@ -103,12 +69,9 @@ class PiecewiseMember:
         return minimise(self.problem)
 
     @cached_property
-    def _profile(self) -> PiecewiseProfile:
-        return PiecewiseProfile(self.problem, self.optimum.t, self.unknown)
-
-    def profile(self, x: Array) -> tuple[Array, Array]:
+    def profile(self) -> PiecewiseProfile:
         """Value and slope at many places, in closed form."""
-        return self._profile(x)
+        return PiecewiseProfile(self.problem, self.optimum.t, self.unknown)
 
     def value(self, x: float) -> float:
         """Value at one place, certified."""
@@ -153,7 +116,7 @@ class LinkedOptimum:
 class Decomposition:
     """F(x) = sum of members, over an interval of the linking parameter."""
 
-    members: tuple[Member, ...]
+    members: tuple[PiecewiseMember, ...]
     low: float
     high: float
 
@@ -195,11 +158,7 @@ class Decomposition:
         if near is None:
             dips = scalar_minima(self.profile, self.low, self.high, seeds)
         else:
-
-            def profile(x: float) -> float:
-                return float(self.profile(np.array([x]))[0])
-
-            dips = [minimum_near(profile, near, self.low, self.high, share=_SHARE, n_grid=33, xatol=1e-12)]
+            dips = [minimum_near(lambda x: float(self.profile(np.array([x]))[0]), near, self.low, self.high)]
         found = sorted((self.value(x), x) for _, x in dips)
         best, bound = self._prove(found[0], slack) if proven and near is None else (found[0], -np.inf)
         others = (dip for dip in found if are_distinct(dip[1], best[1]))

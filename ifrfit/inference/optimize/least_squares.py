@@ -27,7 +27,7 @@ from ifrfit.inference.optimize.angle_offset import (
 )
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
-from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes, phi
+from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
@@ -229,10 +229,8 @@ def _with_plain_errors(
         refuse_exact_group(problem, name, rows)
     base = problem.noise.base
     modes = None if known_sigma is not None else noise_modes(problem, start, proven=proven)
-    if modes is not None:
-        factor = noise_factors(problem, modes.best.theta)
-    else:
-        factor = np.asarray(known_sigma) / base
+    first = np.asarray(known_sigma) if modes is None else likely_sigma(problem, modes.best.theta)
+    factor = first / base
     change = math.inf
     before: Array | None = None
     # a search that found the optimum once follows it while the noise settles

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, Minimum
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import linear_form
+from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.parameter_group import (
     Array,
     ParameterGroup,
@@ -86,24 +84,6 @@ class NoiseComponent:
         return [Minimum(n * float(np.log(best)), np.array([best]))], n * float(np.log(low))
 
 
-class Component(Protocol):
-    """Rows whose noises are theirs alone, and share no constant with other rows."""
-
-    @property
-    def groups(self) -> Index:
-        """The problem's groups of noise."""
-        ...
-
-    @property
-    def is_monotone(self) -> bool:
-        """Whether no gap can be asked for."""
-        ...
-
-    def solve(self, gap: float) -> tuple[list[Minimum], float]:
-        """Minima of Phi, best first, and a lower bound."""
-        ...
-
-
 @dataclass(frozen=True)
 class SolvedComponent:
     """A component whose minima and bound are known."""
@@ -116,6 +96,9 @@ class SolvedComponent:
     def solve(self, gap: float) -> tuple[list[Minimum], float]:
         """What is known."""
         return self.minima, self.bound
+
+
+Component = NoiseComponent | SolvedComponent
 
 
 @dataclass(frozen=True)

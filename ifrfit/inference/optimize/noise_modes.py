@@ -198,15 +198,10 @@ def phi(problem: Problem, theta: Array) -> float:
     return _Search(problem).at(theta)[0]
 
 
-def noise_factors(problem: Problem, theta: Array) -> Array:
-    """Root mean square residual of each row's group at theta, in units of its base, (n,)."""
-    search = _Search(problem)
-    return search.sigma(search.variance(theta)) / search.base
-
-
 def likely_sigma(problem: Problem, theta: Array) -> Array:
     """Standard uncertainty of each row at the most likely noises, uncorrected for constants, (n,)."""
-    return problem.noise.base * noise_factors(problem, theta)
+    search = _Search(problem)
+    return search.sigma(search.variance(theta))
 
 
 @dataclass(frozen=True)

@@ -72,11 +72,6 @@ class Optimum:
         return self.gap <= limit
 
 
-def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
-    """Write each series' (e_n, c, mu) into theta."""
-    return np.asarray(thetas_of(problem, [per_series])[0])
-
-
 def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
     """Several thetas, (m, p), each from the (e_n, c, mu) of its series."""
     values = np.array(combinations)

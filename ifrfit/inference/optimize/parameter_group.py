@@ -103,12 +103,6 @@ def without_normal_rows(group: ParameterGroup, e_n: float) -> ParameterGroup:
     return replace(group, rows=group.rows.take(rest), weight=group.weight[rest], e_n=held)
 
 
-def range_of_e_n(kappa: float, mu: Parameter) -> tuple[float, float]:
-    """What e_n may be at a given kappa for mu = kappa/(1 + e_n) to stay in its domain."""
-    low = kappa / mu.upper - 1.0 if mu.upper > 0.0 else -math.inf
-    return low, kappa / mu.lower - 1.0 if mu.lower > 0.0 else math.inf
-
-
 def kappa_range(groups: Sequence[ParameterGroup]) -> tuple[float, float]:
     """Domain of kappa at fixed e_n; without an upper bound of mu it ends where every row sticks."""
     first = groups[0]

@@ -265,8 +265,6 @@ class PiecewiseOptimum:
         The outermost minimisers, along every unknown, of all cells within chi2 + 3.84, (2 q, q).
     all_slide, all_stick : bool
         Whether the cells at the ends are among them: then no impact limits the transition on that side.
-    n_cells, n_solved : int
-        Cells there are, and how many had to be solved beyond their bound.
     """
 
     t: Array
@@ -276,8 +274,6 @@ class PiecewiseOptimum:
     extremes: Array
     all_slide: bool
     all_stick: bool
-    n_cells: int
-    n_solved: int
 
     def moved(self, center: Array, shift: float) -> PiecewiseOptimum:
         """The optimum of a problem in u = t - center, in t; `shift` is added to its values."""

@@ -29,8 +29,6 @@ from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.scalar_search import bounded_minimum, minimum_near, scalar_minima
 
 _REBOUND_SEEDS = 40
-_SHARE = 0.01  # of the range of e_n, to either side of a place near the optimum
-_GRID = 33
 
 
 def solve_over_e_n(group: ParameterGroup, near: float | None = None) -> GroupOptimum:
@@ -51,7 +49,7 @@ def solve_over_e_n(group: ParameterGroup, near: float | None = None) -> GroupOpt
     if near is None:
         found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
     else:
-        found = [minimum_near(lambda e: at(e)[0], near, low, high, share=_SHARE, n_grid=_GRID, xatol=1e-12)]
+        found = [minimum_near(lambda e: at(e)[0], near, low, high)]
     objective = found[0][0]
     minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
     constants = minima[0][1]

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _GRID = 33
+_XATOL = 1e-12
+_SHARE = 0.01  # of the range, to either side of a place near the minimum
 _MOST = 8  # dips of the grid that are polished, the deepest ones
 DISTINCT = 1e-6  # relative; minima nearer to one another are one
 
@@ -21,7 +23,7 @@ def scalar_minima(
     seeds: Iterable[float] = (),
     *,
     n_grid: int = _GRID,
-    xatol: float = 1e-12,
+    xatol: float = _XATOL,
 ) -> list[tuple[float, float]]:
     """Local minima of `function` on [low, high] as (value, place), best first.
 
@@ -55,12 +57,10 @@ def minimum_near(
     start: float,
     low: float,
     high: float,
-    *,
-    share: float,
-    n_grid: int,
-    xatol: float,
 ) -> tuple[float, float]:
     """Minimum of `function` on [low, high] about `start`, as (value, place).
+
+    It is looked for on the grid over the whole range where it does not lie beside `start`.
 
     Parameters
     ----------
@@ -68,21 +68,15 @@ def minimum_near(
     start : float
         A place near the minimum.
     low, high : float
-    share : float
-        Of the range, to either side of `start`: where the minimum is looked for first.
-    n_grid : int
-        Places over the whole range that are looked at where it is not there.
-    xatol : float
-        Tolerance of the place.
     """
     start = min(max(start, low), high)
-    step = share * (high - low)
+    step = _SHARE * (high - low)
     grid = np.unique([max(start - step, low), start, min(start + step, high)])
     values = np.array([function(x) for x in grid.tolist()])
     if grid[int(np.argmin(values))] != start or start in (low, high):
-        grid = np.unique(np.concatenate((grid, np.linspace(low, high, n_grid))))
+        grid = np.unique(np.concatenate((grid, np.linspace(low, high, _GRID))))
         values = np.array([function(x) for x in grid.tolist()])
-    return _polished(function, grid, values, int(np.argmin(values)), xatol)
+    return _polished(function, grid, values, int(np.argmin(values)), _XATOL)
 
 
 def bounded_minimum(

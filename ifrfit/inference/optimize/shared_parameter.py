@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.decomposition import Decomposition, GaussianMember, PiecewiseMember
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import kappa_form
-from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
+from ifrfit.inference.optimize.decomposition import Decomposition, PiecewiseMember
+from ifrfit.inference.optimize.linear_families import LinearForm, kappa_form
+from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     ParameterGroup,
@@ -66,11 +65,9 @@ def solve_shared(
     place = None if near is None else float(near[problem.parameters.positions[shared[0]][0]]) * linked.unit
     found = linked.decomposition.minimise(linked.seeds, place, proven=proven, slack=slack)
     least = found.minima[0][0]
-    minima = tuple(
-        (value + base, theta_of(problem, linked.constants(x)))
-        for value, x in found.minima
-        if value <= least + NEAR
-    )
+    near_best = [(value + base, linked.constants(x)) for value, x in found.minima if value <= least + NEAR]
+    thetas = thetas_of(problem, [constants for _, constants in near_best])
+    minima = tuple((value, theta) for (value, _), theta in zip(near_best, thetas, strict=True))
     method = "all partitions of each series at each shared value"
     gap = found.gap if math.isfinite(found.gap) else None
     return Optimum(minima[0][1], least + base, gap, minima, method, is_local=near is not None)
@@ -119,16 +116,13 @@ class LinkedGroups:
     ----------
     forms : tuple of LinearForm
         Each group in its unknowns c and kappa.
-    members : tuple of PiecewiseMember
-        Each group along the shared one.
     decomposition : Decomposition
-        The members and the prior, over the domain of the shared unknown.
+        Each group along the shared unknown, the first of them with its prior, over the domain of it.
     unit : float
         The shared unknown over the shared parameter: 1 + e_n where kappa stands for mu.
     """
 
     forms: tuple[LinearForm, ...]
-    members: tuple[PiecewiseMember, ...]
     decomposition: Decomposition
     unit: float
 
@@ -150,25 +144,27 @@ class LinkedGroups:
         if over_kappa and len({group.e_n.fixed for group in groups}) > 1:
             return None
         unit = 1.0 + (groups[0].e_n.fixed or 0.0) if over_kappa else 1.0
-        if over_kappa:  # its prior counts once
-            groups = [replace(group, mu=replace(group.mu, prior=None)) for group in groups]
+        own = "mu" if over_kappa else "c"
+        groups = [  # the prior counts once
+            replace(group, **{own: replace(getattr(group, own), prior=None if number else prior)})
+            for number, group in enumerate(groups)
+        ]
         forms = tuple(kappa_form(group) for group in groups)
         members = tuple(
             PiecewiseMember(form.problem, int(over_kappa and group.c.fixed is None))
             for form, group in zip(forms, groups, strict=True)
         )
-        priors = () if prior is None else (GaussianMember(prior[0] * unit, prior[1] * unit),)
         low, high = kappa_range(groups) if over_kappa else (groups[0].c.lower, groups[0].c.upper)
-        return cls(forms, members, Decomposition((*members, *priors), low, high), unit)
+        return cls(forms, Decomposition(members, low, high), unit)
 
     @property
     def seeds(self) -> list[float]:
         """What each group would choose for itself, at all its local minima."""
-        return [float(t[m.unknown]) for m in self.members for _, t in m.optimum.optima]
+        return [float(t[m.unknown]) for m in self.decomposition.members for _, t in m.optimum.optima]
 
     def constants(self, x: float) -> list[Constants]:
         """Best (e_n, c, mu) of each group at a shared value."""
         return [
             form.to_constants(member.minimiser(x))
-            for form, member in zip(self.forms, self.members, strict=True)
+            for form, member in zip(self.forms, self.decomposition.members, strict=True)
         ]

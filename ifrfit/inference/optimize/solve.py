@@ -11,8 +11,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
-from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.linear_families import linear_form
+from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
 from ifrfit.inference.optimize.parameter_group import (
@@ -20,7 +19,6 @@ from ifrfit.inference.optimize.parameter_group import (
     GroupOptimum,
     ParameterGroup,
     is_separable,
-    range_of_e_n,
     restitution_optimum,
     without_normal_rows,
 )
@@ -228,6 +226,7 @@ def center_free_e_n(group: ParameterGroup, constants: Constants) -> Constants:
     kappa = mu * (1.0 + e_n)
     if touched or kappa <= 0.0:
         return constants
-    low, high = range_of_e_n(kappa, group.mu)
+    low = kappa / group.mu.upper - 1.0 if group.mu.upper > 0.0 else -math.inf
+    high = kappa / group.mu.lower - 1.0 if group.mu.lower > 0.0 else math.inf
     middle = 0.5 * (max(group.e_n.lower, low) + min(group.e_n.upper, high))
     return middle, c, kappa / (1.0 + middle)

@@ -132,8 +132,11 @@ class ProfileCurve:
     def explore(self, optima: Sequence[float], step: float, limit: float) -> None:
         """Go out from each optimum until the profile has risen over the limit, then scan the domain."""
         inside = sorted({min(max(x, self.lower), self.upper) for x in optima if math.isfinite(x)})
+        if math.isinf(self.upper) and self._far is not None:
+            self._last = max(self._far, 1.05 * inside[-1])
         self._look(self._places_of(inside, step))
-        self._last = self.upper if math.isfinite(self.upper) else self._finite_end(inside[-1], step, limit)
+        if math.isinf(self._last):
+            self._last = self._doubled_end(inside[-1], step, limit)
         self(self.lower), self(self._last)
         for x in inside if self._resolution.between else inside[:1]:
             self._outward(x, -step, limit)
@@ -144,20 +147,14 @@ class ProfileCurve:
     def _places_of(self, inside: Sequence[float], step: float) -> list[float]:
         """Places that an exploration is likely to look at."""
         steps = [x + sign * i * step for x in inside for sign in (-1.0, 1.0) for i in _STEPS]
-        if math.isfinite(self.upper):
-            last = self.upper
-        elif self._far is not None:
-            last = max(self._far, 1.05 * inside[-1])
-        else:
-            last = math.inf
+        if math.isinf(self._last):
             steps += [inside[-1] + (2.0**i - 1.0) * step for i in range(_DOUBLED)]
-        ends = [x for x in (self.lower, last) if math.isfinite(x)]
-        scan = [] if math.isinf(last) else np.linspace(self.lower, last, self._resolution.scan + 2).tolist()
-        return [*inside, *ends, *(x for x in steps if self.lower < x < last), *scan]
+            over_all = [self.lower]
+        else:
+            over_all = np.linspace(self.lower, self._last, self._resolution.scan + 2).tolist()
+        return [*inside, *over_all, *(x for x in steps if self.lower < x < self._last)]
 
-    def _finite_end(self, start: float, step: float, limit: float) -> float:
-        if self._far is not None:
-            return max(self._far, 1.05 * start)
+    def _doubled_end(self, start: float, step: float, limit: float) -> float:
         for _ in range(_DOUBLINGS):
             start, step = start + step, 2.0 * step
             if self(start) > limit:

@@ -11,6 +11,7 @@ import numpy as np
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof
 from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
@@ -35,30 +36,27 @@ class Misfit:
     ----------
     problem : Problem
     fit : LeastSquaresFit
-    groups : tuple of ndarray of int
-        Rows that share one unknown noise; empty where sigma is known.
-    base : ndarray
-        Sigma of each row up to its group's factor.
+    search : BatchedSearch
+        Over all free constants, with the unknown noises.
     modes : tuple of NoiseAtMode
         The fit first, then the rivals within `_WITHIN` of it.
     """
 
     problem: Problem
     fit: LeastSquaresFit
-    groups: tuple[Index, ...]
-    base: Array
-    modes: tuple[NoiseAtMode, ...] = ()
+    search: BatchedSearch
+    modes: tuple[NoiseAtMode, ...]
 
     @classmethod
     def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
-        groups, base = tuple(problem.noise_groups().values()), problem.noise.base
+        search = BatchedSearch.of(problem, problem.noise.base, problem.noise_groups().values())
         dof = group_dof(problem, fit)
         theta = fit.optimum.theta
-        squares = cls(problem, fit, groups, base)._squares_of(problem.residual(theta[None]) / base)[0]
+        squares = search.squares(problem.residual(theta[None]) / search.base)[0]
         rivals = [noise_at_mode(problem, place, rise) for rise, place in fit.rivals if rise <= _WITHIN]
         own = NoiseAtMode(0.0, theta, fit.sigma, dof, squares)
-        return cls(problem, fit, groups, base, (own, *rivals))
+        return cls(problem, fit, search, (own, *rivals))
 
     def rise(self, theta: Array) -> float:
         """Rise of the objective at theta over the fit."""
@@ -67,8 +65,8 @@ class Misfit:
     def rises(self, theta: Array) -> Array:
         """`rise` at several theta, (m, p) to (m,); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
-            residual = self.problem.residual(theta) / self.base
-            total, log = self._of_known(theta, residual), np.log(self._squares_of(residual))
+            residual = self.problem.residual(theta) / self.search.base
+            total, log = self.search.of_known(theta, residual), np.log(self.search.squares(residual))
             every = [
                 mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
                 for mode, at in zip(self.modes, self._totals, strict=True)
@@ -79,8 +77,8 @@ class Misfit:
     def dof_at(self, theta: Array) -> Array:
         """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""
         with np.errstate(all="ignore"):
-            residual = self.problem.residual(theta) / self.base
-            log = np.log(self._squares_of(np.nan_to_num(residual)))
+            residual = self.problem.residual(theta) / self.search.base
+            log = np.log(self.search.squares(np.nan_to_num(residual)))
         return np.array([mode.dof for mode in self.modes])[self.nearest(log)]
 
     def nearest(self, log_squares: Array) -> Index:
@@ -92,22 +90,7 @@ class Misfit:
     def _totals(self) -> Array:
         """chi2 of rows with a known sigma and of the priors at each mode."""
         theta = np.array([mode.theta for mode in self.modes])
-        return self._of_known(theta, self.problem.residual(theta) / self.base)
-
-    def _of_known(self, theta: Array, residual: Array) -> Array:
-        """chi2 of rows whose sigma is given and of the priors, (m,)."""
-        prior = self.problem.parameters.prior_residuals(theta)
-        known = residual[:, self.problem.noise.is_given]
-        return np.asarray(np.square(known).sum(axis=1) + np.square(prior).sum(axis=1))
-
-    def _squares_of(self, residual: Array) -> Array:
-        """Sum of squares of each group, (m, n) to (m, groups)."""
-        found = np.empty((len(residual), len(self.groups)))
-        for i, rows in enumerate(self.groups):
-            # what is below rounding says nothing of the noise
-            square = (residual[:, None, rows] @ residual[:, rows, None])[:, 0, 0]
-            found[:, i] = np.maximum(square, self.problem.rounding_variance(rows) * rows.size)
-        return found
+        return self.search.of_known(theta, self.problem.residual(theta) / self.search.base)
 
 
 def limit(level: float, dof: float = math.inf, *, one_sided: bool = False) -> float:

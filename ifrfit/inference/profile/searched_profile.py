@@ -1,24 +1,22 @@
-"""Profiles of problems that only a search can solve: many values of a quantity in one batched search."""
+"""Profiles by the batched search: many values of a quantity at once, each from the optima beside it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, Found
+from ifrfit.inference.optimize.batched_search import FollowingMu, Found
 from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.objective import Misfit
 
-_SEEDS, _MOST = (
-    2,
-    6,
-)  # places from which the search begins at each value, the lowest; at those looked at first
+# the lowest places from which the search begins at each value, and at those looked at first
+_SEEDS, _MOST = 2, 6
 _SWEEPS = 4  # from the optimum at one value to that at the next
 _IMPROVED = 1e-7  # fall of the rise that calls for another sweep
 _OTHER = 1e-6  # places nearer than this are one
@@ -64,8 +62,7 @@ class SearchedProfile:
         self._misfit, self._constraint = misfit, constraint
         free = problem.parameters.free.copy()
         free[constraint.place if constraint.mu is None else constraint.mu.i_mu] = False
-        lower, upper = problem.parameters.bounds()
-        self._search = BatchedSearch(problem, misfit.base, misfit.groups, free, lower, upper, constraint.mu)
+        self._search = replace(misfit.search, free=free, mu=constraint.mu)
         fit = misfit.fit
         places = [fit.optimum.theta, *fit.optimum.outlying]
         places += [mode.theta for mode in misfit.modes[1:]]

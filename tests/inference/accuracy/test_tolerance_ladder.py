@@ -11,7 +11,7 @@ import ifrfit
 from ifrfit import Automatic
 from ifrfit.cost.inference_costs import largest_errors, of_distribution
 from ifrfit.inference.accuracy.request import make_request
-from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
+from ifrfit.inference.accuracy.select_method import LADDER, ladder, refine
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 

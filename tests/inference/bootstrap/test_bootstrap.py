@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from scipy import stats
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap import BootstrapDraws, bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
-from ifrfit.inference.bootstrap.estimator import Task, each
+from ifrfit.inference.bootstrap.estimator import each, fit_lot
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import SCHEMES, Cases
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
@@ -91,7 +92,7 @@ def test_neither_chunks_nor_the_number_of_replicates_change_a_replicate(scheme) 
 
 def test_the_number_of_workers_changes_no_draw() -> None:
     problem, found = fitted(scene(6, ("beta",), fix={"e_n": 0.9}))
-    task = Task(problem, Cases.of(problem), SequentialSolver.of(problem, found))
+    task = partial(fit_lot, SequentialSolver.of(problem, found), Cases.of(problem))
     seeds = np.random.SeedSequence(2).spawn(12)
     lots = [seeds[:5], seeds[5:10], seeds[10:]]
     one, two = (concatenate_fits(list(each(task, lots, workers))) for workers in (1, 2))

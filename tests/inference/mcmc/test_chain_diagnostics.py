@@ -10,7 +10,7 @@ from arviz_stats.base import array_stats
 from mcmc_targets import autoregressive
 from scipy import stats
 
-from ifrfit.inference.mcmc.chain_diagnostics import (
+from ifrfit.inference.mcmc.stopping import (
     Evidence,
     autocorrelation_time,
     effective,

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from mcmc_targets import Modes, Normal
 
 from ifrfit.inference.mcmc import begin, run, verdict_of
-from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.run import MAX_STEPS, Chains, walk
+from ifrfit.inference.mcmc.stopping import Evidence
 
 SEED = np.random.SeedSequence(20)
 

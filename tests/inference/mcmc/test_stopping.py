@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 from mcmc_targets import autoregressive
 
-from ifrfit.inference.mcmc.chain_diagnostics import Evidence
-from ifrfit.inference.mcmc.stopping import RULES, Finding, Verdict, is_met, verdict_of
+from ifrfit.inference.mcmc.stopping import RULES, Evidence, Finding, Verdict, is_met, verdict_of
 
 
 def evidence(**changes: Any) -> Any:

@@ -15,7 +15,7 @@ from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, _inverses
 from ifrfit.inference.optimize.least_squares import least_squares, refit
 from ifrfit.inference.optimize.noise_components import noise_components, without_restitution
-from ifrfit.inference.optimize.noise_modes import noise_factors, noise_modes
+from ifrfit.inference.optimize.noise_modes import likely_sigma, noise_modes
 from ifrfit.inference.optimize.solve import solve
 
 ANGLES = np.linspace(4.0, 84.0, 17)
@@ -179,7 +179,7 @@ def test_a_refit_follows_the_mode_of_the_fit(tmp_path):
     assert same.optimum.theta == pytest.approx(found.optimum.theta, abs=1e-8)
     assert same.optimum.gap is None
     rival = noise_modes(problem).modes[1].theta
-    other = refit(problem, problem.noise.base * noise_factors(problem, rival))
+    other = refit(problem, likely_sigma(problem, rival))
     assert other.optimum.theta[2] == pytest.approx(rival[2], abs=0.01)
 
 
@@ -218,7 +218,7 @@ def test_constants_that_left_the_best_mode_are_not_certified(tmp_path, monkeypat
     problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9})
     assert least_squares(problem).optimum.certified
     modes = noise_modes(problem)
-    rival = noise_factors(problem, modes.modes[1].theta)
+    rival = likely_sigma(problem, modes.modes[1].theta) / problem.noise.base
     monkeypatch.setattr("ifrfit.inference.optimize.least_squares._factors", lambda *_: rival)
     strayed = least_squares(problem).optimum
     assert strayed.theta[2] == pytest.approx(modes.modes[1].theta[2], abs=0.01)

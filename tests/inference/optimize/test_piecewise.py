@@ -107,7 +107,6 @@ def test_a_single_valley_counts_once():
     y = -0.9 + np.minimum(1.4, 3.5 * 0.23 / tau) + rng.normal(0, 0.02, 60)
     found = minimise(sphere(tau, y, np.full(60, 0.02)))
     assert len(found.optima) == 1
-    assert found.n_solved < found.n_cells + 1
 
 
 def test_a_linear_term_moves_the_minimum():

@@ -47,9 +47,9 @@ def in_turn(misfit: Misfit, held) -> float:
     """Rise where certified fits with constants held and the noises that they leave come to rest."""
     theta, problem = misfit.fit.optimum.theta, misfit.problem.with_fixed(held)
     for _ in range(60):
-        sigma = misfit.base.copy()
-        residual = (misfit.problem.rows.value - misfit.problem.predict(theta)) / misfit.base
-        for number, rows in enumerate(misfit.groups):
+        sigma = misfit.search.base.copy()
+        residual = (misfit.problem.rows.value - misfit.problem.predict(theta)) / misfit.search.base
+        for number, rows in enumerate(misfit.search.groups):
             sigma[rows] *= np.sqrt(residual[rows] @ residual[rows] / misfit.modes[0].dof[number])
         theta = solve(problem, sigma).theta
     return misfit.rise(theta)
