@@ -18,9 +18,12 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
 from ifrfit.inference.posterior import TOLERANCE, ExactPosterior, log_evidence
-from ifrfit.inference.posterior.fewer_rows import FewerRows, with_kept_rows
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
-from ifrfit.inference.posterior.integrators import evidence_is_sampled
+from ifrfit.inference.posterior.importance_sampling import (
+    EvidenceByDraws,
+    ImportancePosterior,
+    with_kept_rows,
+)
+from ifrfit.inference.posterior.integrators import evidence_by_draws, evidence_is_sampled
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 
@@ -94,7 +97,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence, *, in_earnest: bool = T
 
 def _points_of(
     problem: Problem, posterior: ExactPosterior, optimum: LeastSquaresFit, refits: int
-) -> FewerRows | None:
+) -> EvidenceByDraws | None:
     """Points that serve each of several impacts that are left out; None where grids are quicker.
 
     A grid is more exact, but where noises are unknown it begins at an optimum that takes longer than itself.
@@ -102,7 +105,7 @@ def _points_of(
     is_sampled = isinstance(posterior, ImportancePosterior)
     is_slow = not problem.noise.is_known and refits >= _SEVERAL
     if refits > 1 and (is_sampled or is_slow or evidence_is_sampled(problem, posterior.tolerance, optimum)):
-        return FewerRows(problem, optimum)
+        return evidence_by_draws(problem, optimum)
     return None
 
 
@@ -112,7 +115,7 @@ def left_out(
     keep: NDArray[np.bool_],
     tolerance: float = TOLERANCE,
     optimum: LeastSquaresFit | None = None,
-    fewer: FewerRows | None = None,
+    fewer: EvidenceByDraws | None = None,
 ) -> float | None:
     """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
 
@@ -128,7 +131,7 @@ def left_out(
         Of the log evidence without them.
     optimum : LeastSquaresFit, optional
         Of all rows: the fit of the kept ones follows its modes, without a proof of its own.
-    fewer : FewerRows, optional
+    fewer : EvidenceByDraws, optional
         Points of all rows, which serve where they carry the weight of the kept ones.
     """
     kept = np.flatnonzero(keep)

@@ -14,7 +14,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
-from ifrfit.inference.posterior.joint_grid import JointDensity, JointIntegral
+from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
@@ -129,8 +129,8 @@ def log_evidence(
     return float(found.density.log_z[0]), found.evidence_error
 
 
-def first_work(problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float) -> float:
-    """Work of the first grid of a posterior.
+def refuse_large(problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float) -> None:
+    """Lay the first grid of a posterior, to see whether there is room for it.
 
     Raises
     ------
@@ -140,9 +140,7 @@ def first_work(problem: Problem, tolerance: float, start: LeastSquaresFit, most_
         As `integrate`.
     """
     layout = make_layout(problem, start, tolerance, separate_e_n=True)
-    refinement = Refinement(layout, tolerance, marginals_of, None, most_work)
-    refinement.lay_first_grid()
-    return layout.integral.work()
+    Refinement(layout, tolerance, marginals_of, most_work=most_work).lay_first_grid()
 
 
 def _refined(
@@ -265,7 +263,10 @@ class Refinement:
         GridTooLargeError, TimeoutError
             As `run`.
         """
-        if self._integral.at_first_look(self._is_too_large_to_look):
+        integral = self._integral
+        with integral.low_order(integral.axes):
+            is_too_large = integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
+        if is_too_large:
             raise _too_large(self._integral.size())
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
@@ -273,15 +274,12 @@ class Refinement:
             self.work_left -= self._integral.refine_transitions(self.tolerance, self.work_left)
         if self._is_over():
             raise TimeoutError
-        if self._is_too_large(self._integral):
+        if self._is_too_large():
             raise _too_large(self._integral.size())
 
-    def _is_too_large_to_look(self, integral: JointIntegral) -> bool:
-        return integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
-
-    def _is_too_large(self, integral: JointIntegral) -> bool:
+    def _is_too_large(self) -> bool:
         """Whether the present nodes would fill the memory, or take more work than is left."""
-        return integral.size() > _MEMORY or integral.work() > self.work_left
+        return self._integral.size() > _MEMORY or self._integral.work() > self.work_left
 
     def _evaluate(self) -> None:
         self.work_left -= self._integral.work()
@@ -335,7 +333,7 @@ class Refinement:
             restore()
             allowed *= _LOOSER
             changed = self._integral.refine(sources, allowed)
-        if self._is_too_large(self._integral):
+        if self._is_too_large():
             restore()
             return False
         return changed

@@ -1,6 +1,7 @@
 """The posterior density of the constants alone, at many points at once: unknown noises are integrated out.
 
-Eq. (13) and (14) of ``docs/theory/posterior.md``.
+Where series have constants of their own it is a product over the series, given what these share. Eq. (14) and
+(19) of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -18,8 +20,9 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.lattice_rule import Array
 from ifrfit.inference.posterior.noise_scale import NoiseScale
+
+Array = NDArray[np.float64]
 
 _LATENT = 40  # nodes over a true angle, roughly
 _AT_ONCE = 200_000  # predicted values held at once
@@ -53,20 +56,61 @@ class Coordinate:
         return self.domain.lower * factor, self.domain.upper * factor
 
 
-def values_of(coordinates: Sequence[Coordinate], at: Array) -> Array:
-    """The parameters behind coordinates, (m, d)."""
-    found = np.empty(at.shape)
-    for place, own in enumerate(coordinates):
-        found[:, place] = at[:, place] / own.factor(at)
-    return found
+@dataclass(frozen=True)
+class Coordinates:
+    """Coordinates of points: their domain, and the parameters behind them.
 
+    Attributes
+    ----------
+    each : tuple of Coordinate
+        An e_n that a kappa needs stands before it.
+    """
 
-def log_prior(coordinates: Sequence[Coordinate], at: Array, first: int = 0) -> Array:
-    """Log of the prior density over coordinates (m, d), the first ones of which are given, (m,)."""
-    total = np.zeros(at.shape[0])
-    for value, own in list(zip(values_of(coordinates, at).T, coordinates, strict=True))[first:]:
-        total = total + own.domain.log_prior(value) - np.log(own.factor(at))
-    return total
+    each: tuple[Coordinate, ...]
+
+    @property
+    def dimensions(self) -> int:
+        """Number of coordinates."""
+        return len(self.each)
+
+    def ends(self, place: int, at: Array) -> tuple[Array, Array]:
+        """Ends of a coordinate, (m,) each, where the ones before it are those of points (m, d)."""
+        return self.each[place].ends(at)
+
+    def values(self, at: Array) -> Array:
+        """The parameters behind the coordinates, (m, d)."""
+        found = np.empty(at.shape)
+        for place, own in enumerate(self.each):
+            found[:, place] = at[:, place] / own.factor(at)
+        return found
+
+    def named(self, at: Array, first: int = 0) -> dict[str, Array]:
+        """The parameters by name, without the first ones; noises themselves, not their logarithms."""
+        columns = list(zip(self.each, self.values(at).T, strict=True))[first:]
+        return {
+            own.domain.name: np.exp(value) if own.domain.name.startswith("noise") else value
+            for own, value in columns
+        }
+
+    def at(self, values: Array) -> Array:
+        """Coordinates, (m, d), of parameters (m, d)."""
+        columns = [x * c.factor(values) for x, c in zip(values.T, self.each, strict=True)]
+        return np.stack(columns, axis=1).reshape(values.shape)
+
+    def log_prior(self, at: Array, first: int = 0) -> Array:
+        """Log of the prior density over coordinates (m, d), the first ones of which are given, (m,)."""
+        total = np.zeros(at.shape[0])
+        for value, own in list(zip(self.values(at).T, self.each, strict=True))[first:]:
+            total = total + own.domain.log_prior(value) - np.log(own.factor(at))
+        return total
+
+    def taken(self, places: Sequence[int]) -> Coordinates:
+        """Some of the coordinates, with the places that their e_n have among them."""
+        order = list(places)
+        each = [self.each[place] for place in order]
+        return Coordinates(
+            tuple(replace(c, e_n=order.index(c.e_n)) if isinstance(c.e_n, int) else c for c in each)
+        )
 
 
 @dataclass(frozen=True)
@@ -89,7 +133,7 @@ class ConstantsDensity:
     sampled: tuple[str, ...] = ()
 
     @cached_property
-    def coordinates(self) -> tuple[Coordinate, ...]:
+    def coordinates(self) -> Coordinates:
         """What the coordinates stand for."""
         parameters = self.problem.parameters
         e_n_of = {mu: value if e_n is None else e_n for mu, e_n, value in parameters.free_kappas}
@@ -105,17 +149,12 @@ class ConstantsDensity:
             found.append(Coordinate(FreeParameter(noise_name(name), log_low, log_high, None, scale)))
         if self.problem.offset is not None:
             found.append(Coordinate(self.problem.offset))
-        return tuple(found)
+        return Coordinates(tuple(found))
 
     @cached_property
     def sampled_noises(self) -> tuple[str, ...]:
         """Groups of noises whose logarithms are coordinates."""
         return self.sampled if self.problem.error_model.is_plain else tuple(self.problem.noise_groups())
-
-    @property
-    def dimensions(self) -> int:
-        """Number of coordinates."""
-        return len(self.coordinates)
 
     @cached_property
     def noises(self) -> dict[str, NoiseScale]:
@@ -131,19 +170,6 @@ class ConstantsDensity:
     def cost_of_row(self) -> int:
         """How many rows of exact incidence a row takes as long as."""
         return _LATENT if self.problem.error_model.integrates else 1
-
-    def ends(self, place: int, at: Array) -> tuple[Array, Array]:
-        """Ends of a coordinate, (m,) each, where the ones before it are those of points (m, d)."""
-        return self.coordinates[place].ends(at)
-
-    def values(self, at: Array) -> Array:
-        """The parameters behind the coordinates, (m, d)."""
-        return values_of(self.coordinates, at)
-
-    def at(self, values: Array) -> Array:
-        """Coordinates, (m, d), of parameters (m, d)."""
-        columns = [x * c.factor(values) for x, c in zip(values.T, self.coordinates, strict=True)]
-        return np.stack(columns, axis=1).reshape(values.shape)
 
     def theta(self, values: Array) -> Array:
         """All entries of theta, fixed ones included, (m, p), of parameters (m, d)."""
@@ -162,9 +188,8 @@ class ConstantsDensity:
         at : ndarray, (m, d)
             Inside the domain.
         """
-        values = self.values(at)
-        likelihood, squares = self.log_likelihood(values)
-        return likelihood + log_prior(self.coordinates, at), squares
+        likelihood, squares = self.log_likelihood(self.coordinates.values(at))
+        return likelihood + self.coordinates.log_prior(at), squares
 
     def log_likelihood(self, values: Array) -> tuple[Array, Array]:
         """Log likelihood, (m,), and the sum of squares of each noise that is integrated out, (m, groups).
@@ -174,9 +199,10 @@ class ConstantsDensity:
         values : ndarray, (m, d)
             The parameters behind the coordinates.
         """
-        total = np.zeros(values.shape[0])
         if not self.problem.error_model.is_plain:
-            return total + self._scattered(values), np.empty((values.shape[0], 0))
+            scattered = np.asarray(self.scattered.impacts(values).sum(axis=1))
+            return scattered, np.empty((values.shape[0], 0))
+        total = np.zeros(values.shape[0])
         squares, found = self._squares(values), []
         for square, (name, rows) in zip(squares.T, self.problem.noise_groups().items(), strict=False):
             if name in self.noises:
@@ -210,10 +236,135 @@ class ConstantsDensity:
         """Rows whose sigma is known."""
         return np.flatnonzero(self.problem.noise.is_given)
 
-    def _scattered(self, values: Array) -> Array:
-        """Log likelihood where errors of angles or heavy tails make it other than plain."""
-        return np.asarray(self._density.impacts(values).sum(axis=1))
+    @cached_property
+    def scattered(self) -> Density:
+        """The density where errors of angles or heavy tails make it other than plain."""
+        return Density(self.problem)
+
+
+@dataclass(frozen=True)
+class SeriesFactor:
+    """Prior of the constants of one series times the likelihood of its rows, given what series share.
+
+    A point holds the shared coordinates, then those of the series.
+
+    Attributes
+    ----------
+    whole : ConstantsDensity
+        Of all series.
+    number : int
+        Of the series.
+    shared, own : tuple of int
+        Places of the coordinates in a point of all series.
+    """
+
+    whole: ConstantsDensity
+    number: int
+    shared: tuple[int, ...]
+    own: tuple[int, ...]
 
     @cached_property
-    def _density(self) -> Density:
-        return Density(self.problem)
+    def places(self) -> list[int]:
+        """Places of the coordinates of a point of this series in one of all series."""
+        return [*self.shared, *self.own]
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Of a point."""
+        return self.whole.coordinates.taken(self.places)
+
+    @cached_property
+    def _of_rows(self) -> ConstantsDensity:
+        problem = self.whole.problem
+        rows = np.flatnonzero(problem.rows.series == self.number)
+        return ConstantsDensity(problem.with_rows(rows), self.whole.sampled)
+
+    @property
+    def noises(self) -> dict[str, NoiseScale]:
+        """The noises of this series that are integrated out, by the name of their group."""
+        return self._of_rows.noises
+
+    def __call__(self, at: Array) -> tuple[Array, Array]:
+        """Log of the factor, (m,), and the sum of squares of each of `noises`, (m, groups).
+
+        Parameters
+        ----------
+        at : ndarray, (m, d)
+            Inside the domain.
+        """
+        own = self.coordinates.log_prior(at, len(self.shared))
+        values = np.zeros((at.shape[0], self.whole.coordinates.dimensions))
+        values[:, self.places] = self.coordinates.values(at)
+        if self.whole.problem.error_model.is_plain:
+            likelihood, squares = self._of_rows.log_likelihood(values)
+            return own + likelihood, squares
+        return own + self.whole.scattered.series(values, self.number), np.empty((at.shape[0], 0))
+
+
+@dataclass(frozen=True)
+class FactorisedDensity:
+    """A posterior density over shared coordinates, times one factor for each series.
+
+    Noises of one series are integrated out in its factor; a noise that several series have is a shared
+    coordinate.
+
+    Attributes
+    ----------
+    problem : Problem
+        With a constant of each series.
+    """
+
+    problem: Problem
+
+    @cached_property
+    def whole(self) -> ConstantsDensity:
+        """The density over the coordinates of all series."""
+        series = self.problem.rows.series
+        groups = self.problem.noise_groups().items()
+        return ConstantsDensity(
+            self.problem, tuple(name for name, rows in groups if np.unique(series[rows]).size > 1)
+        )
+
+    @cached_property
+    def _series_of(self) -> tuple[int | None, ...]:
+        """Series of each coordinate; None of what all share."""
+        parameters = self.problem.parameters
+        found: list[int | None] = [None] * self.whole.coordinates.dimensions
+        for parameter in parameters:
+            if not parameter.separate:
+                continue
+            for number, entry in enumerate(parameters.positions[parameter.name]):
+                if parameters.free[entry]:
+                    found[int(parameters.free_places[entry])] = number
+        return tuple(found)
+
+    @cached_property
+    def shared(self) -> tuple[int, ...]:
+        """Places of the coordinates that series share."""
+        return tuple(place for place, series in enumerate(self._series_of) if series is None)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Those that series share."""
+        return self.whole.coordinates.taken(self.shared)
+
+    @cached_property
+    def factors(self) -> tuple[SeriesFactor, ...]:
+        """One for each series."""
+        return tuple(
+            SeriesFactor(
+                self.whole,
+                number,
+                self.shared,
+                tuple(place for place, series in enumerate(self._series_of) if series == number),
+            )
+            for number in range(len(self.problem.series))
+        )
+
+
+def factorises(problem: Problem) -> bool:
+    """Whether a problem has free constants of each of several series."""
+    entries = zip(problem.parameters.names, problem.parameters.free, strict=True)
+    free = {name for name, is_free in entries if is_free}
+    shared = {parameter.name for parameter in problem.parameters}
+    return len(problem.series) > 1 and bool(free - shared)

@@ -18,23 +18,31 @@ from ifrfit.inference.distributions.protocol import transition_name
 from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.conditional_mixture import ConditionalMixture, conditional_mixture
-from ifrfit.inference.posterior.constants_density import Coordinate, values_of
+from ifrfit.inference.posterior.constants_density import FactorisedDensity, SeriesFactor
 from ifrfit.inference.posterior.importance_sampling import (
     REPLICATES,
     TARGET,
+    EvidenceByDraws,
     ImportancePosterior,
     believed_evidence,
     known_modes,
     noise_marginals,
     replicated_evidence,
     standard_error,
+    with_kept_rows,
 )
-from ifrfit.inference.posterior.lattice_rule import Array, lattice
 from ifrfit.inference.posterior.marginals import Marginal
-from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, Uniform
+from ifrfit.inference.posterior.mixture_proposal import (
+    Array,
+    Beside,
+    Component,
+    MixtureProposal,
+    lattice,
+)
 from ifrfit.inference.posterior.proposal_adaptation import (
+    DEFENDED,
     Gaussian,
     component_about,
     effective_share,
@@ -42,7 +50,6 @@ from ifrfit.inference.posterior.proposal_adaptation import (
     fitted_proposal,
     further_seeds,
 )
-from ifrfit.inference.posterior.series_factors import FactorisedDensity, SeriesFactor
 
 _TRIED = 512, 512, 1024, 2048  # points of each round of adaptation
 _EVEN = 0.4  # effective share of the points of a larger round after which no other one follows
@@ -53,7 +60,9 @@ _FIRST = 256  # points of each replicate to begin with
 _OF_SERIES = 4  # points of a series at each of them, for each of its constants
 _FITTED, _STEPS, _KEPT = 1024, 8, 6  # points and steps of a fit, components of a series
 _RARER = 4  # so many times fewer points to begin with where true angles are integrated out
-_LONG = 0.25  # share of shared points of components that are as long as the domain
+_BESIDE = replace(DEFENDED, long=0.25)  # what laws of shared coordinates have beside their components
+_AT_FIRST = Beside(wide=0.3, factor=4.0, uniform=0.2)  # the same about known modes
+_OF_A_SERIES = Beside(wide=0.15, factor=5.0, long=0.1, uniform=0.25)  # and the laws of series
 _WORK, _MOST_WORK = 8e6, 25e6  # as of importance sampling without factors
 _DRAWS = 65_536  # joint draws at most
 
@@ -63,7 +72,7 @@ class _Laws:
     """What is drawn from: shared coordinates, and those of each series given them."""
 
     shared: MixtureProposal | None
-    series: tuple[ConditionalMixture, ...]
+    series: tuple[MixtureProposal, ...]
 
     @property
     def cost(self) -> float:
@@ -145,22 +154,8 @@ def sample_by_series(
     return sampler.sample(laws)
 
 
-def evidence_by_series(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> tuple[float, float]:
-    """Log of the evidence and its standard error, as `evidence_by_importance`."""
-    return EvidenceBySeries(problem, start, seed).evidence()
-
-
-class EvidenceBySeries:
-    """Points enough for the evidence, and what they say of the same problem with fewer rows.
-
-    Parameters
-    ----------
-    problem : Problem
-        With a free constant of each of several series.
-    start : LeastSquaresFit
-        The optimum.
-    seed : int
-    """
+class EvidenceBySeries(EvidenceByDraws):
+    """By points of each series, given what series share."""
 
     def __init__(self, problem: Problem, start: LeastSquaresFit, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
@@ -171,15 +166,16 @@ class EvidenceBySeries:
         self._factors: dict[int, Array] = {}
 
     def evidence(self) -> tuple[float, float]:
-        """Log evidence and its standard error; infinite where few points carry the weight."""
+        """Log evidence and its standard error."""
         return believed_evidence(self._points.log_weights)
 
-    def evidence_of(self, rest: Problem, number: int) -> tuple[float, float]:
-        """The same where one series has lost rows, and all else is as it was.
-
-        The points get other weights; where few carry them, laws are fitted to them and others drawn.
-        """
-        density = FactorisedDensity(rest)
+    def evidence_of(self, kept: Index) -> tuple[float, float]:
+        """The same where one series has lost rows; the error is infinite where several have."""
+        problem = self._density.problem
+        lost = np.unique(np.delete(problem.rows.series, kept))
+        if lost.size > 1:
+            return math.nan, math.inf
+        number, density = int(lost[0]), FactorisedDensity(with_kept_rows(problem, kept))
         if density.whole.coordinates != self._density.whole.coordinates:
             return math.nan, math.inf
         flat = _flat(self._points.series[number])
@@ -209,13 +205,13 @@ class _Sampler:
     def _points(self, laws: _Laws, shared: Array, m: Sequence[int]) -> _Points:
         """Points of each series at shared coordinates."""
         density, rng = self.density, self._rng
-        log_outer = density.log_prior(shared)
+        log_outer = density.coordinates.log_prior(shared)
         if laws.shared is not None:
-            log_outer = log_outer - laws.shared.log_density(shared)
+            log_outer = log_outer - laws.shared.log_density(shared[None])[0]
         series, log_inner, squares = [], [], []
         for factor, law, count in zip(density.factors, laws.series, m, strict=True):
             turned = lattice(count, np.zeros(1 + law.own)) + rng.random((shared.shape[0], 1, 1 + law.own))
-            at = law.draw(shared, np.clip(turned % 1.0, 1e-12, 1.0 - 1e-12))
+            at = law.draw(np.clip(turned % 1.0, 1e-12, 1.0 - 1e-12), shared)
             flat = _flat(at)
             log_p, square = factor(flat)
             series.append(at)
@@ -240,17 +236,16 @@ class _Sampler:
         shared = list(density.shared)
         outer = None
         if shared:
-            near = [component_about(density.domain, c[shared], v[np.ix_(shared, shared)]) for c, v in modes]
-            wide = [
-                component_about(density.domain, c[shared], 16.0 * v[np.ix_(shared, shared)]) for c, v in modes
+            near = [
+                component_about(density.coordinates, c[shared], v[np.ix_(shared, shared)]) for c, v in modes
             ]
-            weights = np.repeat((0.5, 0.3), len(near)) / len(near)
-            outer = MixtureProposal(density.domain, (*near, *wide, Uniform()), np.append(weights, 0.2))
+            shares = np.full(len(near), 1.0 / len(near))
+            outer = MixtureProposal(density.coordinates, tuple(near), shares, _AT_FIRST)
         series = []
         for factor in density.factors:
             places = np.ix_(factor.places, factor.places)
-            each = [component_about(factor.domain, c[factor.places], v[places]) for c, v in modes]
-            series.append(conditional_mixture(factor.domain, len(shared), each, np.ones(len(each))))
+            each = [component_about(factor.coordinates, c[factor.places], v[places]) for c, v in modes]
+            series.append(_law_of_series(factor, np.full(len(each), 1.0 / len(each)), each))
         return _Laws(outer, tuple(series))
 
     def fitted(self, laws: _Laws, points: _Points) -> _Laws:
@@ -259,9 +254,16 @@ class _Sampler:
         log_weights = _tempered(points.log_weights)
         outer = laws.shared
         if outer is not None:
-            start = further_seeds(outer.components, points.shared, log_weights, rng)
+            start = further_seeds(outer.all_components, points.shared, log_weights, rng)
             outer = fitted_proposal(
-                density.domain, points.shared, log_weights, rng, start, long=_LONG, resampled=2048, steps=10
+                density.coordinates,
+                points.shared,
+                log_weights,
+                rng,
+                start,
+                beside=_BESIDE,
+                resampled=2048,
+                steps=10,
             )
         # laws of series have to hold wherever shared coordinates are drawn, not where the posterior is alone
         flatter = np.logaddexp(
@@ -273,16 +275,16 @@ class _Sampler:
             flat, weights = _flat(at), points.of_series(number, flatter).reshape(-1)
             start = further_seeds(law.components, flat, weights, rng)
             shares, fitted = fitted_components(
-                factor.domain, flat, weights, rng, start, resampled=_FITTED, steps=_STEPS, most=_KEPT
+                factor.coordinates, flat, weights, rng, start, resampled=_FITTED, steps=_STEPS, most=_KEPT
             )
-            series.append(conditional_mixture(factor.domain, law.given, fitted, shares))
+            series.append(_law_of_series(factor, shares, fitted))
         return _Laws(outer, tuple(series))
 
     def _shared(self, laws: _Laws, n: int, shift: Array, *, finer: bool = False) -> Array:
         """Shared coordinates from a lattice, (n, k)."""
         if laws.shared is None:
             return np.zeros((n, 0))
-        return laws.shared.draw(lattice(n, shift, finer=finer))
+        return laws.shared.draw(lattice(n, shift, finer=finer)[None])[0]
 
     def sample(self, laws: _Laws) -> ImportancePosterior:
         """Draw finer and finer lattices until standard errors are small."""
@@ -335,7 +337,10 @@ class _Sampler:
         values, joint = self._joint(points, outer)
         drawn = Draws.of(problem, values)
         if points.shared.shape[1]:
-            parts.append(WeightedDraws(self._with_kappa(self._of_shared(points.shared)), {}, outer))
+            shared = self.density.coordinates.named(points.shared)
+            if not _kappas_differ(problem):
+                shared |= kappa_draws(problem, shared)
+            parts.append(WeightedDraws(shared, {}, outer))
         for number, factor in enumerate(self.density.factors):
             weights = special.softmax(points.of_series(number, log_weights)).reshape(-1)
             part = self._part(factor, _flat(points.series[number]), weights)
@@ -361,22 +366,13 @@ class _Sampler:
             tuple(parts),
         )
 
-    def _of_shared(self, at: Array) -> dict[str, Array]:
-        """Parameters behind shared coordinates, by name."""
-        return _named(self.density.domain.coordinates, at)
-
-    def _with_kappa(self, shared: dict[str, Array]) -> dict[str, Array]:
-        """Shared parameters, and kappa where it is one for all series."""
-        problem = self.density.problem
-        return shared | ({} if _kappas_differ(problem) else kappa_draws(problem, shared))
-
     def _part(self, factor: SeriesFactor, at: Array, weights: Array) -> WeightedDraws:
         """Constants of a series, its kappa and transition, with weights of their own."""
         problem = self.density.problem
-        named = _named(factor.domain.coordinates, at)
+        named = factor.coordinates.named(at)
         entries = {name: named.get(name, np.zeros(weights.size)) for name in problem.parameters.free_names}
         found = Draws.of(problem, entries)
-        own = {c.domain.name for c in factor.domain.coordinates[len(factor.shared) :]}
+        own = {c.domain.name for c in factor.coordinates.each[len(factor.shared) :]}
         transition = transition_name(problem.series[factor.number])
         if _kappas_differ(problem):
             own.add(problem.parameters.kappas[factor.number].name)
@@ -388,7 +384,7 @@ class _Sampler:
         rng, density = self._rng, self.density
         n = outer.size
         times = max(1, min(_DRAWS // n, max(log_w.shape[1] for log_w in points.log_inner)))
-        found = {name: np.repeat(v, times) for name, v in self._of_shared(points.shared).items()}
+        found = {name: np.repeat(v, times) for name, v in density.coordinates.named(points.shared).items()}
         for number, factor in enumerate(density.factors):
             log_w = points.log_inner[number]
             with np.errstate(invalid="ignore"):
@@ -406,22 +402,16 @@ class _Sampler:
                 _flat(np.take_along_axis(x[number], chosen[:, :, None], axis=1))
                 for x in (points.series, points.squares)
             )
-            named = _named(factor.domain.coordinates, at)
-            found |= {
-                c.domain.name: named[c.domain.name] for c in factor.domain.coordinates[len(factor.shared) :]
-            }
+            found |= factor.coordinates.named(at, len(factor.shared))
             for (name, scale), own in zip(factor.noises.items(), square.T, strict=True):
                 found[noise_name(name)] = scale.draw(own, rng)
         return found, np.repeat(outer / times, times)
 
 
-def _named(coordinates: Sequence[Coordinate], at: Array) -> dict[str, Array]:
-    """Parameters behind coordinates, by name; noises as they are."""
-    found: dict[str, Array] = {}
-    for own, value in zip(coordinates, values_of(coordinates, at).T, strict=True):
-        name = own.domain.name
-        found[name] = np.exp(value) if name.startswith("noise") else value
-    return found
+def _law_of_series(factor: SeriesFactor, shares: Array, components: Sequence[Component]) -> MixtureProposal:
+    """Components over the coordinates of a factor as a law of those of the series."""
+    beside = _OF_A_SERIES if len(factor.own) > 1 else replace(_OF_A_SERIES, long=0.0)
+    return MixtureProposal(factor.coordinates, tuple(components), shares, beside, len(factor.shared))
 
 
 def _kappas_differ(problem: Problem) -> bool:

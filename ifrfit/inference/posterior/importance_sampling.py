@@ -6,6 +6,7 @@ Eq. (14) to (18) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,14 +20,14 @@ from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
-from ifrfit.inference.model.problem import OFFSET, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.convergence import quantiles_of
 from ifrfit.inference.posterior.known_modes import fits_at_modes
-from ifrfit.inference.posterior.lattice_rule import lattice
 from ifrfit.inference.posterior.marginals import Marginal
-from ifrfit.inference.posterior.mixture_proposal import MixtureProposal
+from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
 from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import (
@@ -177,11 +178,11 @@ def sample_by_importance(
         best.refine()
 
 
-def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> tuple[float, float]:
-    """Log of the integral of the normalised likelihood times the normalised prior, and its standard error.
+class EvidenceByDraws(ABC):
+    """Points enough for the evidence of a problem, and what they say of the same with fewer rows.
 
-    The marginals are left out. The law about the known modes serves where it leaves a small error; else one
-    is adapted. The error is infinite where few draws carry the weight.
+    A law that is near to the posterior of all impacts, with wide components beside, is near enough to that of
+    all but one: its points get other weights. Section 9 of ``docs/theory/posterior.md``.
 
     Parameters
     ----------
@@ -192,20 +193,55 @@ def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int =
     seed : int
         Of the shifts of the lattices.
     """
-    return EvidenceByImportance(problem, start, seed).evidence()
+
+    @abstractmethod
+    def evidence(self) -> tuple[float, float]:
+        """Log of the integral of likelihood times normalised prior, and its standard error.
+
+        The error is infinite where few points carry the weight.
+        """
+
+    @abstractmethod
+    def evidence_of(self, kept: Index) -> tuple[float, float]:
+        """The same of some of the rows; each noise keeps the prior that it has with all of them.
+
+        The points get other weights; where few carry them, laws are fitted to them and others drawn.
+        """
+
+    def log_density_of_others(self, kept: Index) -> tuple[float, float]:
+        """Log density of the rows of an impact, as all others predict it, and its standard error.
+
+        The error is the larger one of both evidences: infinite where few points carry the weight of all rows
+        or of the kept ones, or coordinates differ.
+
+        Parameters
+        ----------
+        kept : ndarray of int
+            Rows of the other impacts.
+        """
+        whole, found = self.evidence(), self.evidence_of(kept)
+        return whole[0] - found[0], max(whole[1], found[1])
 
 
-class EvidenceByImportance:
-    """Points enough for the evidence, and what they say of the same problem with fewer rows.
+def with_kept_rows(problem: Problem, kept: Index) -> Problem:
+    """Some of a problem's rows; each noise keeps the prior that it has with all of them."""
+    rest = problem.with_rows(kept)
+    groups = rest.noise_groups()
+    bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
+    return rest.with_noise(rest.noise.with_bounds(bounds))
 
-    Arguments as `evidence_by_importance`.
+
+class EvidenceByImportance(EvidenceByDraws):
+    """By points of a law over all constants together.
+
+    The law about the known modes serves where it leaves a small error; else one is adapted.
     """
 
     def __init__(self, problem: Problem, start: LeastSquaresFit, seed: int = 0) -> None:
         self._density = density = ConstantsDensity(problem)
         self._rng = rng = np.random.default_rng(seed)
         modes = known_modes(density, start)
-        replicates = _Replicates(density, proposal_about(density, modes), rng, fewer=_FEWER)
+        replicates = _Replicates(density, proposal_about(density.coordinates, modes), rng, fewer=_FEWER)
         for _ in range(_FITS_FIRST):
             before = replicates
             if before.evidence()[1] <= TARGET:
@@ -218,15 +254,12 @@ class EvidenceByImportance:
         self._points = replicates.enough_for_evidence()
 
     def evidence(self) -> tuple[float, float]:
-        """Log evidence and its standard error; infinite where few points carry the weight."""
+        """Log evidence and its standard error."""
         return self._points.evidence()
 
-    def evidence_of(self, rest: Problem) -> tuple[float, float]:
-        """The same of fewer rows.
-
-        The points get other weights; where few carry them, a law is fitted to them and others drawn.
-        """
-        density, points = ConstantsDensity(rest), self._points
+    def evidence_of(self, kept: Index) -> tuple[float, float]:
+        """The same of some of the rows."""
+        density, points = ConstantsDensity(with_kept_rows(self._density.problem, kept)), self._points
         if density.coordinates != self._density.coordinates:
             return math.nan, math.inf
         log_weights = points.log_weights + density(points.at)[0] - self._log_density
@@ -260,7 +293,7 @@ def _in_coordinates(
     density: ConstantsDensity, start: LeastSquaresFit, constants: Array, covariance: Array, sigma: Array
 ) -> Gaussian:
     """A mode of the constants with what else has coordinates: a factor of the noise, the offset."""
-    n, d = constants.size, density.dimensions
+    n, d = constants.size, density.coordinates.dimensions
     values, whole = np.zeros(d), np.zeros((d, d))
     values[:n], whole[:n, :n] = constants, covariance
     groups = density.problem.noise_groups()
@@ -274,7 +307,7 @@ def _in_coordinates(
         places = np.append(np.arange(n), d - 1)
         values[-1] = offset.value
         whole[np.ix_(places, places)] += np.outer(carried, carried)
-    return density.at(values[None])[0], whole
+    return density.coordinates.at(values[None])[0], whole
 
 
 class _Replicates:
@@ -284,7 +317,7 @@ class _Replicates:
         self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator, fewer: int = 1
     ) -> None:
         self._density, self.proposal, self._rng = density, proposal, rng
-        self._shifts = rng.random((REPLICATES, 1 + density.dimensions))
+        self._shifts = rng.random((REPLICATES, 1 + density.coordinates.dimensions))
         self._fewer = fewer
         self._points = (_FIRST if density.cost_of_row == 1 else _FEW) // fewer  # of each
         self._parts = [self._drawn(finer=False)]
@@ -292,15 +325,12 @@ class _Replicates:
 
     def _drawn(self, *, finer: bool) -> tuple[Array, Array, Array]:
         """Points, log weights and sums of squares, (replicates, points, ...)."""
-        u = np.concatenate([lattice(self._points, shift, finer=finer) for shift in self._shifts])
-        at = self.proposal.draw(u)
-        log_p, squares = self._density(at)
-        shape = (REPLICATES, self._points)
-        return (
-            at.reshape(*shape, at.shape[1]),
-            (log_p - self.proposal.log_density(at)).reshape(shape),
-            squares.reshape(*shape, squares.shape[1]),
+        at = self.proposal.draw(
+            np.stack([lattice(self._points, shift, finer=finer) for shift in self._shifts])
         )
+        log_p, squares = self._density(at.reshape(-1, at.shape[2]))
+        log_weights = log_p.reshape(at.shape[:2]) - self.proposal.log_density(at)
+        return at, log_weights, squares.reshape(*at.shape[:2], squares.shape[1])
 
     def with_law_fitted(self) -> _Replicates:
         """As many points of the law that is fitted to these."""
@@ -332,7 +362,7 @@ class _Replicates:
     @property
     def cost(self) -> float:
         """Of a point, in rows."""
-        of_the_law = self._density.dimensions * len(self.proposal.components)
+        of_the_law = self.proposal.own * self.proposal.n_laws
         rows = len(self._density.problem.rows) * self._density.cost_of_row
         return rows + of_the_law + _OF_A_POINT
 
@@ -367,13 +397,10 @@ class _Replicates:
 
     def _draws(self) -> Mapping[str, Array]:
         """Constants, noises and the offset of all points, by name."""
-        density, problem = self._density, self._density.problem
-        values = density.values(self.at)
-        theta = density.theta(values)
-        found = dict(zip(problem.parameters.names, theta.T, strict=True))
-        for place, own in enumerate(density.coordinates[int(problem.parameters.free.sum()) :]):
-            value = values[:, int(problem.parameters.free.sum()) + place]
-            found[own.domain.name] = value if own.domain.name == OFFSET else np.exp(value)
+        density, coordinates = self._density, self._density.coordinates
+        theta = density.theta(coordinates.values(self.at))
+        found = dict(zip(density.problem.parameters.names, theta.T, strict=True))
+        found |= coordinates.named(self.at, density.free)
         for (name, scale), square in zip(density.noises.items(), self._squares.T, strict=True):
             found[noise_name(name)] = scale.draw(square, self._rng)
         return found

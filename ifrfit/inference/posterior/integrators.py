@@ -15,21 +15,22 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.posterior.adaptive_quadrature import (
     TOLERANCE,
     GridTooLargeError,
-    first_work,
     integrate,
+    refuse_large,
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
-from ifrfit.inference.posterior.factorised_sampling import evidence_by_series, sample_by_series
+from ifrfit.inference.posterior.constants_density import factorises
+from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries, sample_by_series
 from ifrfit.inference.posterior.importance_sampling import (
+    EvidenceByDraws,
+    EvidenceByImportance,
     ImportancePosterior,
-    evidence_by_importance,
     sample_by_importance,
 )
 from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
-from ifrfit.inference.posterior.series_factors import factorises
 
 ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
@@ -113,6 +114,11 @@ def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -
     return sample(problem, start, seed)
 
 
+def evidence_by_draws(problem: Problem, start: LeastSquaresFit) -> EvidenceByDraws:
+    """Points enough for the evidence; series by series where each has constants of its own."""
+    return EvidenceBySeries(problem, start) if factorises(problem) else EvidenceByImportance(problem, start)
+
+
 def log_evidence(
     problem: Problem, tolerance: float = TOLERANCE, start: LeastSquaresFit | None = None
 ) -> float:
@@ -136,8 +142,7 @@ def log_evidence(
     found = _evidence_by_grid(problem, tolerance, start)
     if found is not None:
         return found
-    by_series = factorises(problem)
-    found, error = (evidence_by_series if by_series else evidence_by_importance)(problem, start)
+    found, error = evidence_by_draws(problem, start).evidence()
     if error <= SAMPLING_ERROR:
         return found
     found = None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start, _MOST_WORK)
@@ -197,4 +202,4 @@ def _refuse_many_offsets(
 ) -> None:
     """Refuse a mixture over offsets whose grids would take too much work all together."""
     at_best = at_fitted_offset(problem, start)
-    first_work(at_best, tolerance, least_squares(at_best), most_work / _OFFSETS)
+    refuse_large(at_best, tolerance, least_squares(at_best), most_work / _OFFSETS)

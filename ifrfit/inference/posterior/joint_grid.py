@@ -95,11 +95,6 @@ class JointIntegral:
         """What these values cost, in those of a series whose rows are all summed up beforehand."""
         return sum(size * series.cost for size, series in zip(self._sizes(), self.series, strict=True))
 
-    def at_first_look(self, holds: Callable[[JointIntegral], bool]) -> bool:
-        """Whether something holds of the nodes that a look at a low order takes."""
-        with self._low_order(self.axes):
-            return holds(self)
-
     def _sizes(self) -> list[int]:
         """Values of the density of each series."""
         outer = math.prod(one.axis.size for one in self.shared)
@@ -128,13 +123,13 @@ class JointIntegral:
 
     def drop_empty_panels(self, negligible: float) -> None:
         """Drop the panels in which a look at a low order finds no more than a share of the mass."""
-        with self._low_order(self.axes):
+        with self.low_order(self.axes):
             density = self.evaluate()
             masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
             for grid in density.grids:
                 masses += grid.panel_masses(density.share)
-            for axis, mass in masses if density.evidence_error() <= _BLIND else ():
-                axis.drop(mass, negligible)
+        for axis, mass in masses if density.evidence_error() <= _BLIND else ():
+            axis.drop(mass, negligible)
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
 
@@ -152,7 +147,7 @@ class JointIntegral:
         """
         done, whole = 0.0, self.work()
         others = [axis for axis in self.axes if not any(axis is series.x_axis for series in self.series)]
-        with self._low_order(others):
+        with self.low_order(others):
             per_work = whole / self.work()  # panels of the transitions make both larger alike
             for _ in range(_REHEARSALS):
                 done += self.work()
@@ -168,7 +163,7 @@ class JointIntegral:
         return done
 
     @contextmanager
-    def _low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
+    def low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
         """Some axes at a low order for a while, the closure constants at twice that."""
         orders = [axis.order for axis in axes], [series.c_order for series in self.series]
         for axis in axes:

@@ -1,35 +1,52 @@
-"""A law to draw constants from: heavy-tailed components inside the domain, and a uniform one over all of it.
+"""Laws to draw constants from, heavy-tailed components beside a uniform one, and points to draw them by.
 
-Eq. (15) and (16) of ``docs/theory/posterior.md``.
+Eq. (15) to (17) and (20) of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+
+from ifrfit.inference.posterior.constants_density import Coordinates
 
 Array = NDArray[np.float64]
 
 _TINY = 1e-300
 _AT_ONCE = 8192  # points whose arrays stay in the cache
+# Generating vector of an extensible lattice in base 2, order-2 weights, up to 2^20 points: Cools, Kuo &
+# Nuyens (2006), SIAM J. Sci. Comput. 28, 2162
+_GENERATOR = np.array(
+    [1, 182667, 469891, 498753, 110745, 446247, 250185, 118627, 245333, 283199,
+     408519, 391023, 246327, 126539, 399185, 461527, 300343, 69681, 516695, 436179,
+     106383, 238523, 413283, 70841, 47719, 300129, 113029, 123925, 410745, 211325,
+     17489, 511893, 40767, 186077, 519471, 255369, 101819, 243573, 66189, 152143]
+)  # fmt: skip
+_INSIDE = 2.0**-40  # from the faces of the cube
 
 
-class Domain(Protocol):
-    """Where coordinates may lie: the ends of each depend on no more than those before it."""
+def lattice(n: int, shift: Array, *, finer: bool = False) -> Array:
+    """Points of the shifted lattice, (n, d).
 
-    @property
-    def dimensions(self) -> int:
-        """Number of coordinates."""
-        ...
+    Averages over them are unbiased over uniform shifts, and for smooth integrands their error falls nearly as
+    1/n, where that of random points falls as 1/sqrt(n).
 
-    def ends(self, place: int, at: Array) -> tuple[Array, Array]:
-        """Ends of a coordinate, (m,) each, where the ones before it are those of points (m, d)."""
-        ...
+    Parameters
+    ----------
+    n : int
+        A power of 2.
+    shift : ndarray, (d,)
+        Uniform between 0 and 1; of at most 40 dimensions.
+    finer : bool
+        Give the other half of the lattice of 2 n points with this shift.
+    """
+    generator = _GENERATOR[: shift.size]
+    steps = np.arange(n)[:, None] + (0.5 if finer else 0.0)
+    return np.asarray(np.clip((steps * generator / n + shift) % 1.0, _INSIDE, 1.0 - _INSIDE))
 
 
 @dataclass(frozen=True)
@@ -49,11 +66,11 @@ class Component:
     centre: Array
     root: Array
 
-    def draw(self, domain: Domain, u: Array) -> Array:
+    def draw(self, domain: Coordinates, u: Array) -> Array:
         """Points (m, d) from uniform numbers (m, d)."""
         return self.draw_rest(domain, np.zeros(u.shape), np.zeros(u.shape), u)
 
-    def draw_rest(self, domain: Domain, at: Array, z: Array, u: Array) -> Array:
+    def draw_rest(self, domain: Coordinates, at: Array, z: Array, u: Array) -> Array:
         """Points (m, d) whose first coordinates and their z are given, from uniform numbers of the others."""
         first = at.shape[1] - u.shape[1]
         for j, centre, size, low, high in self._conditionals(domain, at, z, range(first, at.shape[1])):
@@ -61,21 +78,21 @@ class Component:
             at[:, j] = np.clip(centre + size * z[:, j], *domain.ends(j, at))
         return at
 
-    def log_density(self, domain: Domain, at: Array) -> Array:
+    def log_density(self, domain: Coordinates, at: Array) -> Array:
         """Log density at points of the domain, (m,)."""
         return self.log_density_of_first(domain, at, domain.dimensions)[0]
 
-    def log_density_of_first(self, domain: Domain, at: Array, first: int) -> tuple[Array, Array]:
+    def log_density_of_first(self, domain: Coordinates, at: Array, first: int) -> tuple[Array, Array]:
         """Log density of the first coordinates alone, (m,), and their z, (m, first), at points (m, first)."""
         z, total = np.empty((at.shape[0], first)), np.zeros(at.shape[0])
         for j, centre, size, low, high in self._conditionals(domain, at, z, range(first)):
             z[:, j] = (at[:, j] - centre) / size
             inside = np.maximum(between(low, high), _TINY)
             # the logarithm of a product is cheaper than the logarithms of all
-            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * inside * (size / 0.375))
+            total -= np.log(_fall(z[:, j]) * inside * (size / 0.375))
         return total, z
 
-    def lengthened(self, domain: Domain, first: int = 0) -> list[Component]:
+    def lengthened(self, domain: Coordinates, first: int = 0) -> list[Component]:
         """The component as long as the domain along one coordinate, the later ones following it.
 
         One for each coordinate but the first ones. A posterior given few rows with an unknown noise has tails
@@ -91,7 +108,7 @@ class Component:
         return found
 
     def _conditionals(
-        self, domain: Domain, at: Array, z: Array, places: range
+        self, domain: Coordinates, at: Array, z: Array, places: range
     ) -> Iterator[tuple[int, Array, float, Array, Array]]:
         """Of each coordinate: its number, centre, size, and ends in units of it, given those before."""
         for j in places:
@@ -105,11 +122,11 @@ class Component:
 class Uniform:
     """Uniform in each coordinate between its ends, given those before it."""
 
-    def draw(self, domain: Domain, u: Array) -> Array:
+    def draw(self, domain: Coordinates, u: Array) -> Array:
         """Points (m, d) from uniform numbers (m, d)."""
-        return self.draw_rest(domain, np.zeros(u.shape), u)
+        return self.draw_rest(domain, np.zeros(u.shape), np.empty(u.shape), u)
 
-    def draw_rest(self, domain: Domain, at: Array, u: Array) -> Array:
+    def draw_rest(self, domain: Coordinates, at: Array, z: Array, u: Array) -> Array:
         """Points (m, d) whose first coordinates are given, from uniform numbers of the others."""
         first = at.shape[1] - u.shape[1]
         for j in range(first, at.shape[1]):
@@ -117,7 +134,7 @@ class Uniform:
             at[:, j] = low + (high - low) * u[:, j - first]
         return at
 
-    def log_density(self, domain: Domain, at: Array) -> Array:
+    def log_density(self, domain: Coordinates, at: Array) -> Array:
         """Log density at points of the domain, (m,)."""
         total = np.zeros(at.shape[0])
         for j in range(domain.dimensions):
@@ -127,40 +144,164 @@ class Uniform:
 
 
 @dataclass(frozen=True)
-class MixtureProposal:
-    """Components with their weights.
+class Beside:
+    """What a mixture has beside its components.
 
     Attributes
     ----------
-    domain : Domain
-    components : tuple of Component or Uniform
-    weights : ndarray, (k,)
-        Sum 1.
+    wide, factor : float
+        Share of components that are wider by a factor.
+    long : float
+        Share of those that are as long as the domain, the largest one along each coordinate.
+    uniform : float
+        Share of the uniform law.
     """
 
-    domain: Domain
-    components: tuple[Component | Uniform, ...]
-    weights: Array
+    wide: float = 0.0
+    factor: float = 1.0
+    long: float = 0.0
+    uniform: float = 0.0
 
-    def draw(self, u: Array) -> Array:
-        """Points (m, d) from uniform numbers (m, 1 + d), of which the first picks the component."""
-        below = np.cumsum(self.weights)
-        chosen = np.minimum(np.searchsorted(below, u[:, 0]), self.weights.size - 1)
-        at = np.empty((u.shape[0], self.domain.dimensions))
-        for number, component in enumerate(self.components):
+
+@dataclass(frozen=True)
+class MixtureProposal:
+    """A mixture of components over (given, own) coordinates, conditioned on the first `given` of them.
+
+    The share of a component follows its density at what is given; those of the longer components and of the
+    uniform law do not.
+
+    Attributes
+    ----------
+    domain : Coordinates
+    components : tuple of Component
+    shares : ndarray, (k,)
+        Of the components; sum 1.
+    beside : Beside
+    given : int
+        Number of coordinates that are given; 0 for a law of all.
+    """
+
+    domain: Coordinates
+    components: tuple[Component, ...]
+    shares: Array
+    beside: Beside
+    given: int = 0
+
+    @property
+    def own(self) -> int:
+        """Number of coordinates that are drawn."""
+        return self.domain.dimensions - self.given
+
+    @property
+    def n_laws(self) -> int:
+        """Number of laws that are mixed."""
+        return len(self._laws) + 1
+
+    @property
+    def all_components(self) -> list[Component]:
+        """The components with the wider and the longer ones."""
+        return [law for _, _, law in self._laws]
+
+    @cached_property
+    def _laws(self) -> list[tuple[float, int | None, Component]]:
+        """All laws but the uniform: share, number of the component that scales it or None, and law."""
+        k, beside = self.given, self.beside
+        found: list[tuple[float, int | None, Component]] = []
+        near = 1.0 - beside.wide - beside.long - beside.uniform
+        for share, factor in ((near, 1.0), (beside.wide, beside.factor)):
+            for number, each in enumerate(self.components if share else ()):
+                root = each.root.copy()
+                root[k:, k:] *= factor
+                found.append((share, number, Component(each.centre, root)))
+        if beside.long:
+            longer = self.components[self._largest].lengthened(self.domain, k)
+            found += [(beside.long / self.own, None, each) for each in longer]
+        return found
+
+    @property
+    def _largest(self) -> int:
+        return int(self.shares.argmax())
+
+    def _of_given(self, at: Array) -> tuple[Array, Array]:
+        """Shares of all laws, (n, laws), and z of the components there, (k, n, given), at what is given."""
+        log_q, z = [], []
+        for each in self.components:
+            own, z_own = each.log_density_of_first(self.domain, at, self.given)
+            log_q.append(own)
+            z.append(z_own)
+        log_share = np.array(log_q) + np.log(self.shares)[:, None]
+        pi = np.exp(log_share - log_share.max(axis=0))
+        pi /= pi.sum(axis=0)
+        laws = [
+            share * (1.0 if parent is None else pi[parent]) + 0.0 * pi[0] for share, parent, _ in self._laws
+        ]
+        return np.stack((*laws, self.beside.uniform + 0.0 * pi[0]), axis=1), np.array(z)
+
+    def draw(self, u: Array, given: Array | None = None) -> Array:
+        """Points, (n, m, d).
+
+        Parameters
+        ----------
+        u : ndarray, (n, m, 1 + own)
+            Uniform between 0 and 1; the first picks the law.
+        given : ndarray, (n, given), optional
+            The first coordinates, where such are given.
+        """
+        n, m, _ = u.shape
+        d, k = self.domain.dimensions, self.given
+        given = np.empty((n, 0)) if given is None else given
+        shares, z_given = self._of_given(given)
+        below = np.cumsum(shares, axis=1)
+        chosen = (u[:, :, 0, None] > below[:, None, :-1]).sum(axis=2).reshape(-1)
+        flat = u.reshape(n * m, -1)
+        found = np.empty((n * m, d))
+        found[:, :k] = np.repeat(given, m, axis=0)
+        outer = np.repeat(np.arange(n), m)
+        laws = [(self._parent(parent), law) for _, parent, law in self._laws]
+        for number, (parent, law) in enumerate((*laws, (0, Uniform()))):
             rows = np.flatnonzero(chosen == number)
             if rows.size:
-                at[rows] = component.draw(self.domain, u[rows, 1:])
-        return at
+                z = np.empty((rows.size, d))
+                z[:, :k] = z_given[parent, outer[rows]]
+                found[rows] = law.draw_rest(self.domain, found[rows], z, flat[rows, 1:])
+        return found.reshape(n, m, d)
 
     def log_density(self, at: Array) -> Array:
-        """Log density at points of the domain, (m,)."""
-        parts = np.array_split(at, 1 + at.shape[0] // _AT_ONCE)
+        """Log density of the own coordinates given the others, (n, m), at points (n, m, d)."""
+        parts = np.array_split(at, min(1 + at.shape[0] * at.shape[1] // _AT_ONCE, at.shape[0]))
         return np.concatenate([self._log_density(part) for part in parts])
 
     def _log_density(self, at: Array) -> Array:
-        each = np.stack([component.log_density(self.domain, at) for component in self.components])
-        return np.asarray(special.logsumexp(each + np.log(self.weights)[:, None], axis=0))
+        n, m, d = at.shape
+        k = self.given
+        shares, z_given = self._of_given(at[:, 0, :k])
+        flat = at.reshape(n * m, d)
+        ends = [self.domain.ends(j, flat) for j in range(k, d)]
+        flat_density = np.ones(n * m)
+        for low, high in ends:
+            flat_density /= np.maximum(high - low, _TINY)
+        total = np.repeat(shares[:, -1], m) * flat_density
+        for number, (_, parent, law) in enumerate(self._laws):
+            z = np.empty((n * m, d))
+            z[:, :k] = np.repeat(z_given[self._parent(parent)], m, axis=0)
+            density = np.repeat(shares[:, number], m)
+            for j, (low, high) in enumerate(ends, start=k):
+                size = law.root[j, j]
+                centre = law.centre[j] + z[:, :j] @ law.root[j, :j]
+                z[:, j] = (flat[:, j] - centre) / size
+                inside = np.maximum(between((low - centre) / size, (high - centre) / size), _TINY)
+                density = density * (0.375 / size) / (_fall(z[:, j]) * inside)
+            total += density
+        return np.asarray(np.log(np.maximum(total, _TINY))).reshape(n, m)
+
+    def _parent(self, parent: int | None) -> int:
+        return self._largest if parent is None else parent
+
+
+def _fall(z: Array) -> Array:
+    """How many times less the density of Student's t with 4 degrees of freedom is than at its mode."""
+    t = 1.0 + 0.25 * z * z
+    return np.asarray(t * t * np.sqrt(t))
 
 
 def _below(x: Array) -> Array:

@@ -15,15 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.posterior.constants_density import ConstantsDensity
-from ifrfit.inference.posterior.lattice_rule import lattice
-from ifrfit.inference.posterior.mixture_proposal import Component, Domain, MixtureProposal, Uniform
+from ifrfit.inference.posterior.constants_density import ConstantsDensity, Coordinates
+from ifrfit.inference.posterior.mixture_proposal import (
+    Beside,
+    Component,
+    MixtureProposal,
+    Uniform,
+    lattice,
+)
 
 Array = NDArray[np.float64]
 
-DEFENSIVE = 0.1  # share of the points that are drawn uniformly over the domain
-TAILS, WIDER = 0.1, 5.0  # share of the points of components that are wider by a factor
-LONG = 0.05  # share of the points of components that are as long as the domain
+DEFENDED = Beside(wide=0.1, factor=5.0, long=0.05, uniform=0.1)
 _UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of each further component
 _MOST = 24  # components that are added
 _EVEN = 0.4  # effective share of the points at which the weights are even enough
@@ -55,12 +58,14 @@ def adapted_proposal(
     population.add(Uniform(), _UNIFORM)
     for centre, covariance in modes:
         n = 2 ** round(math.log2(_BY_MODES / len(modes)))
-        population.add(component_about(density, centre, covariance), n)
+        population.add(component_about(density.coordinates, centre, covariance), n)
     for _ in range(_MOST):
         if population.effective_share >= _EVEN:
             break
         population.add(population.component_at_largest_weight(), _EACH)
-    return fitted_proposal(density, population.at, population.log_weights, rng, population.gaussians)
+    return fitted_proposal(
+        density.coordinates, population.at, population.log_weights, rng, population.gaussians
+    )
 
 
 def refitted(
@@ -80,18 +85,18 @@ def refitted(
     log_weights : ndarray, (m,)
     rng : numpy.random.Generator
     """
-    gaussians = further_seeds(proposal.components, at, log_weights, rng)
-    return fitted_proposal(density, at, log_weights, rng, gaussians)
+    gaussians = further_seeds(proposal.all_components, at, log_weights, rng)
+    return fitted_proposal(density.coordinates, at, log_weights, rng, gaussians)
 
 
 def fitted_proposal(
-    domain: Domain,
+    domain: Coordinates,
     at: Array,
     log_weights: Array,
     rng: np.random.Generator,
     start: Sequence[Gaussian],
     *,
-    long: float = LONG,
+    beside: Beside = DEFENDED,
     resampled: int = RESAMPLED,
     steps: int = STEPS,
 ) -> MixtureProposal:
@@ -99,51 +104,36 @@ def fitted_proposal(
 
     Parameters
     ----------
-    domain : Domain
+    domain : Coordinates
     at : ndarray, (m, d)
     log_weights : ndarray, (m,)
     rng : numpy.random.Generator
     start : sequence of (ndarray, ndarray)
         Centre and covariance of each component to begin with.
-    long : float
-        Share of the components that are as long as the domain.
+    beside : Beside
+        What the law has beside the components.
     resampled, steps : int
         Points that are fitted to; of expectation and maximisation.
     """
     shares, near = fitted_components(domain, at, log_weights, rng, start, resampled=resampled, steps=steps)
-    return _defended(domain, shares, near, long)
+    return MixtureProposal(domain, tuple(near), shares, beside)
 
 
-def proposal_about(domain: Domain, modes: Sequence[Gaussian]) -> MixtureProposal:
+def proposal_about(domain: Coordinates, modes: Sequence[Gaussian]) -> MixtureProposal:
     """Components about known modes, as they are, and the uniform law beside them.
 
     Parameters
     ----------
-    domain : Domain
+    domain : Coordinates
     modes : sequence of (ndarray, ndarray)
         Centre and covariance of the posterior about each of them.
     """
     near = [component_about(domain, *each) for each in modes]
-    return _defended(domain, np.full(len(near), 1.0 / len(near)), near, LONG)
-
-
-def _defended(domain: Domain, shares: Array, near: Sequence[Component], long: float) -> MixtureProposal:
-    """Components by their shares, beside them wider ones, some as long as the domain, and the uniform law."""
-    wide = [Component(each.centre, WIDER * each.root) for each in near]
-    lengthened = near[int(shares.argmax())].lengthened(domain)
-    weights = np.concatenate(
-        (
-            (1.0 - DEFENSIVE - TAILS - long) * shares,
-            TAILS * shares,
-            np.full(len(lengthened), long / len(lengthened)),
-            [DEFENSIVE],
-        )
-    )
-    return MixtureProposal(domain, (*near, *wide, *lengthened, Uniform()), weights)
+    return MixtureProposal(domain, tuple(near), np.full(len(near), 1.0 / len(near)), DEFENDED)
 
 
 def fitted_components(
-    domain: Domain,
+    domain: Coordinates,
     at: Array,
     log_weights: Array,
     rng: np.random.Generator,
@@ -157,7 +147,7 @@ def fitted_components(
 
     Parameters
     ----------
-    domain : Domain
+    domain : Coordinates
     at : ndarray, (m, d)
     log_weights : ndarray, (m,)
     rng : numpy.random.Generator
@@ -177,15 +167,14 @@ def fitted_components(
 
 
 def further_seeds(
-    components: Sequence[Component | Uniform], at: Array, log_weights: Array, rng: np.random.Generator
+    components: Sequence[Component], at: Array, log_weights: Array, rng: np.random.Generator
 ) -> list[Gaussian]:
     """Components that a fit begins with: those of a law before it, and some at points of much weight."""
-    known = [each for each in components if isinstance(each, Component)]
     weights = special.softmax(log_weights)
     centres = at[rng.choice(weights.size, _SEEDS, p=weights)]
     centre = weights @ at
     covariance = ((at - centre) * weights[:, None]).T @ (at - centre) / _SEEDS
-    return [(each.centre, each.root @ each.root.T) for each in known] + [
+    return [(each.centre, each.root @ each.root.T) for each in components] + [
         (each, covariance) for each in centres
     ]
 
@@ -204,19 +193,19 @@ class _Population:
         self.gaussians: list[Gaussian] = []
         self._components: list[Component | Uniform] = []
         self._counts: list[int] = []
-        self.at = np.empty((0, density.dimensions))
+        self.at = np.empty((0, density.coordinates.dimensions))
         self._log_p = np.empty(0)
         self._log_q = np.empty((0, 0))  # of each law at each point
 
     def add(self, component: Component | Uniform, n: int) -> None:
         """Draw n points of a law."""
-        density = self._density
-        new = component.draw(density, lattice(n, self._rng.random(density.dimensions)))
-        of_new = [each.log_density(density, new) for each in self._components]
+        domain = self._density.coordinates
+        new = component.draw(domain, lattice(n, self._rng.random(domain.dimensions)))
+        of_new = [each.log_density(domain, new) for each in self._components]
         before = np.concatenate((self._log_q, np.reshape(of_new, (len(self._components), n))), axis=1)
         self.at = np.concatenate((self.at, new))
-        self._log_q = np.concatenate((before, component.log_density(density, self.at)[None]))
-        self._log_p = np.concatenate((self._log_p, density(new)[0]))
+        self._log_q = np.concatenate((before, component.log_density(domain, self.at)[None]))
+        self._log_p = np.concatenate((self._log_p, self._density(new)[0]))
         self._components.append(component)
         self._counts.append(n)
         if isinstance(component, Component):
@@ -245,10 +234,10 @@ class _Population:
         share = weights[near] + 1.0 / weights.size
         share /= share.sum()
         away = self.at[near] - centre
-        return component_about(self._density, centre, (away * share[:, None]).T @ away)
+        return component_about(self._density.coordinates, centre, (away * share[:, None]).T @ away)
 
 
-def component_about(domain: Domain, centre: Array, covariance: Array) -> Component:
+def component_about(domain: Coordinates, centre: Array, covariance: Array) -> Component:
     """A component with a centre inside the domain, and a covariance that is positive definite."""
     inside = centre[None].copy()
     for j in range(centre.size):
@@ -265,7 +254,7 @@ def _root(covariance: Array, least_sd: Array) -> Array:
     return np.asarray(size[..., :, None] * np.linalg.cholesky(repaired))
 
 
-def _least_sd(domain: Domain, at: Array) -> Array:
+def _least_sd(domain: Coordinates, at: Array) -> Array:
     """Least sd of components along each coordinate, (d,)."""
     ends = [domain.ends(j, at) for j in range(domain.dimensions)]
     return np.array([_FLAT * float((high - low).max()) for low, high in ends])

@@ -21,12 +21,11 @@ from ifrfit.inference.posterior import (
     factorised_sampling,
     integrate,
 )
-from ifrfit.inference.posterior.conditional_mixture import ConditionalMixture
+from ifrfit.inference.posterior.constants_density import FactorisedDensity, factorises
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
 from ifrfit.inference.posterior.integrators import log_evidence
-from ifrfit.inference.posterior.mixture_proposal import Component
-from ifrfit.inference.posterior.series_factors import FactorisedDensity, factorises
+from ifrfit.inference.posterior.mixture_proposal import Beside, Component, MixtureProposal
 
 FEW = (9.0, 22.0, 38.0, 57.0)
 SIX = (7.0, 16.0, 27.0, 38.0, 52.0, 70.0)
@@ -91,11 +90,11 @@ def test_the_density_is_the_product_of_its_factors(name: str) -> None:
     density = FactorisedDensity(problem)
     whole = density.whole
     rng = np.random.default_rng(0)
-    at = np.zeros((50, whole.dimensions))
-    for place in range(whole.dimensions):
-        low, high = whole.ends(place, at)
+    at = np.zeros((50, whole.coordinates.dimensions))
+    for place in range(whole.coordinates.dimensions):
+        low, high = whole.coordinates.ends(place, at)
         at[:, place] = low + (high - low) * rng.random(50)
-    found = density.log_prior(at[:, density.shared])
+    found = density.coordinates.log_prior(at[:, density.shared])
     for factor in density.factors:
         found = found + factor(at[:, factor.places])[0]
     np.testing.assert_allclose(found, whole(at)[0], rtol=1e-10)
@@ -228,8 +227,7 @@ def test_laws_that_miss_most_of_the_posterior_do_not_converge(monkeypatch: pytes
 
     monkeypatch.setattr(factorised_sampling, "known_modes", far)
     monkeypatch.setattr(factorised_sampling, "_TRIED", ())
-    monkeypatch.setattr("ifrfit.inference.posterior.conditional_mixture.UNIFORM", 1e-4)
-    monkeypatch.setattr("ifrfit.inference.posterior.conditional_mixture.WIDER", 1.0)
+    monkeypatch.setattr(factorised_sampling, "_OF_A_SERIES", Beside(wide=0.15, uniform=1e-4))
     assert not sample_by_series(problem, start).converged
 
 
@@ -246,7 +244,8 @@ class Wedge:
 def test_a_conditional_mixture_is_a_density_and_its_draws_follow_it() -> None:
     near = Component(np.array([0.3, 0.6, 0.5]), np.array([[0.1, 0, 0], [0.2, 0.1, 0], [0.1, 0.1, 0.2]]))
     other = Component(np.array([0.8, 1.5, 1.5]), np.diag([0.1, 0.3, 0.1]))
-    law = ConditionalMixture(Wedge(), 1, (near, other), np.array([0.6, 0.4]))
+    beside = Beside(wide=0.15, factor=5.0, long=0.1, uniform=0.25)
+    law = MixtureProposal(Wedge(), (near, other), np.array([0.6, 0.4]), beside, 1)
     given = np.array([[0.2], [0.55], [0.9]])
     n = 200
     mean = np.empty((3, 2))
@@ -257,6 +256,6 @@ def test_a_conditional_mixture_is_a_density_and_its_draws_follow_it() -> None:
         density = np.exp(law.log_density(at))[0] * (1.0 + x) * 2.0 / n**2
         assert density.sum() == pytest.approx(1.0, abs=2e-3)
         mean[row] = density @ grid[0]
-    drawn = law.draw(given, np.random.default_rng(0).random((3, 40_000, 3)))
+    drawn = law.draw(np.random.default_rng(0).random((3, 40_000, 3)), given)
     np.testing.assert_array_equal(drawn[:, :, 0], np.repeat(given, 40_000, axis=1))
     np.testing.assert_allclose(drawn[:, :, 1:].mean(axis=1), mean, atol=0.01)

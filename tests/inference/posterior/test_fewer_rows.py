@@ -14,7 +14,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries
-from ifrfit.inference.posterior.fewer_rows import FewerRows, with_kept_rows
+from ifrfit.inference.posterior.importance_sampling import EvidenceByDraws, with_kept_rows
+from ifrfit.inference.posterior.integrators import evidence_by_draws
 
 ANGLES = (7.0, 16.0, 27.0, 38.0, 52.0, 70.0)
 ODD = 3  # the row whose value is far from the law
@@ -42,10 +43,10 @@ PROBLEMS = {
 
 
 @cache
-def points(name: str) -> tuple[Problem, FewerRows, float]:
+def points(name: str) -> tuple[Problem, EvidenceByDraws, float]:
     problem = PROBLEMS[name]()
     optimum = least_squares(problem)
-    return problem, FewerRows(problem, optimum), integrate(problem, 1e-3, optimum).log_evidence
+    return problem, evidence_by_draws(problem, optimum), integrate(problem, 1e-3, optimum).log_evidence
 
 
 @pytest.mark.parametrize("row", [0, ODD, 9])

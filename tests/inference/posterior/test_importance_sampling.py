@@ -21,8 +21,8 @@ from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, importance_sampling, integrate
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.importance_sampling import (
+    EvidenceByImportance,
     ImportancePosterior,
-    evidence_by_importance,
     sample_by_importance,
 )
 
@@ -89,7 +89,7 @@ def test_it_agrees_with_quadrature(name: str) -> None:
 def test_an_evidence_alone_is_that_of_quadrature(name: str) -> None:
     problem = QUESTIONS[name].problem()
     start = least_squares(problem)
-    found, error = evidence_by_importance(problem, start)
+    found, error = EvidenceByImportance(problem, start).evidence()
     assert error <= SAMPLING_ERROR
     assert abs(found - integrate(problem, 1e-3, start).log_evidence) <= 4.0 * error + 1e-3
 
@@ -150,7 +150,7 @@ def test_the_density_is_that_of_constants_and_noises_with_noises_integrated_out(
     problem = Question(measured("beta", FAN, seed=14), noise=noise).problem()
     whole, constants = Density(problem), ConstantsDensity(problem)
     at = np.array([0.8, -0.8, 0.25])  # e_n, e_t and kappa = mu (1 + e_n)
-    values = constants.values(at[None])[0]
+    values = constants.coordinates.values(at[None])[0]
     assert values[2] == pytest.approx(0.25 / 1.8)
 
     def over_noise(log_noise: float) -> float:
@@ -179,7 +179,7 @@ def test_a_mode_that_nothing_pointed_to_is_found_or_told(monkeypatch: pytest.Mon
 
 def test_draws_that_miss_most_of_the_posterior_do_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
     # the control: nothing drawn uniformly, nothing adapted, a law far from the posterior
-    from ifrfit.inference.posterior.mixture_proposal import Component, MixtureProposal
+    from ifrfit.inference.posterior.mixture_proposal import Beside, Component, MixtureProposal
 
     problem = QUESTIONS["known noise"].problem()
 
@@ -187,7 +187,7 @@ def test_draws_that_miss_most_of_the_posterior_do_not_converge(monkeypatch: pyte
         centre, covariance = modes[0]
         root = 0.3 * np.linalg.cholesky(covariance)
         away = Component(centre + 4.0 * np.sqrt(np.diag(covariance)), root)
-        return MixtureProposal(density, (away,), np.ones(1))
+        return MixtureProposal(density.coordinates, (away,), np.ones(1), Beside())
 
     monkeypatch.setattr(importance_sampling, "adapted_proposal", far)
     monkeypatch.setattr(importance_sampling, "_REFITS", 0)

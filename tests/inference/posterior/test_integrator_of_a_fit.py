@@ -15,6 +15,7 @@ from factories import impacts_file
 import ifrfit
 from ifrfit import Exact, UsageError
 from ifrfit.inference.posterior import ImportancePosterior
+from ifrfit.inference.posterior.importance_sampling import EvidenceByImportance
 from ifrfit.inference.posterior.integrators import log_evidence
 
 GAMMA = np.linspace(6.0, 78.0, 16)
@@ -138,7 +139,7 @@ def _never_converges(monkeypatch) -> None:
     monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
     monkeypatch.setattr(integrators, "_OF_EVIDENCE", 1.0)
     monkeypatch.setattr(integrators, "sampled_posterior", doubtful)
-    monkeypatch.setattr(integrators, "evidence_by_importance", lambda *arguments: (0.0, np.inf))
+    monkeypatch.setattr(EvidenceByImportance, "evidence", lambda self: (0.0, np.inf))
 
 
 def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypatch) -> None:

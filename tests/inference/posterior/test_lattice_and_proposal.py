@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from ifrfit.inference.posterior.lattice_rule import lattice
 from ifrfit.inference.posterior.mixture_proposal import (
+    Beside,
     Component,
     MixtureProposal,
-    Uniform,
     _at_share,
     _below,
     cut_quantile,
+    lattice,
 )
 
 
@@ -80,10 +80,10 @@ def test_a_component_is_a_density_inside_its_domain_and_draws_follow_it():
 
 
 def test_a_mixture_weighs_its_components():
-    mixture = MixtureProposal(Wedge(), (CORNER, Uniform()), np.array([0.7, 0.3]))
+    mixture = MixtureProposal(Wedge(), (CORNER,), np.ones(1), Beside(uniform=0.3))
     at, area = midpoints()
-    density = np.exp(mixture.log_density(at))
+    density = np.exp(mixture.log_density(at[None])[0])
     assert abs(density.sum() * area - 1.0) < 3e-3
-    drawn = mixture.draw(np.random.default_rng(1).random((100_000, 3)))
+    drawn = mixture.draw(np.random.default_rng(1).random((1, 100_000, 3)))[0]
     low = at[:, 0] < 0.4
     assert abs(np.mean(drawn[:, 0] < 0.4) - density[low].sum() * area) < 6e-3
