@@ -12,11 +12,14 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
-from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.marginals import (
+    Marginal,
+    errors_of_quantiles,
+    largest_error,
+)
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
@@ -34,6 +37,7 @@ _SMALLEST_ALLOWED = 1e-15
 _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
+MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
 
 class GridTooLargeError(UsageError):
@@ -45,9 +49,6 @@ def _too_large(size: int) -> GridTooLargeError:
         f"The exact posterior needs a grid of {size:.0e} values here, which does not fit into memory. "
         "Use --method mcmc, or fix a constant."
     )
-
-
-MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
 
 def integrate(
@@ -316,7 +317,7 @@ class Refinement:
         errors = errors_of_quantiles(marginals, self.tolerance)
         # before any panel changes: marginals are read from the density on the present ones
         kinks = [
-            marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
+            marginal.kinks(marginal.at_levels(self.tolerance))
             for marginal in marginals.values()
             if marginal.kinks is not None and marginal.moments(0)[1] > 0.0
         ]

@@ -10,13 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.clenshaw_curtis import rule
-from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
+from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate, TwoSidedIntegrals
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadratic_sums import with_c_axis
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis, rule
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
-from ifrfit.inference.posterior.two_sided_integrals import TwoSidedIntegrals
+from ifrfit.inference.posterior.sum_of_squares import with_c_axis
 
 Array = NDArray[np.float64]
 

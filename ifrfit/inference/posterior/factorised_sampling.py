@@ -13,9 +13,8 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
-from ifrfit.inference.distributions.draws import Draws, kappa_draws
+from ifrfit.inference.distributions.draws import Draws, WeightedDraws, kappa_draws
 from ifrfit.inference.distributions.protocol import transition_name
-from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.posterior.clenshaw_curtis import integral_up_to, rule
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis, integral_up_to, rule
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
