@@ -6,7 +6,6 @@ Eq. (6) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +13,11 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_law import GAUSSIAN
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import integral_up_to, rule
+from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, Quadratic, SumOfSquares
-from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 
@@ -72,18 +70,17 @@ class ConditionalCoordinate:
         return nodes.reshape(shape), jacobian.reshape(shape)
 
 
-def c_domain(
-    c: FreeParameter, k: Coefficients, mu_ends: tuple[float, float] | None, e_n: Array, x: Array
-) -> tuple[Array, Array]:
+def _domain(series: SeriesIntegral, c: FreeParameter, e_n: Array, x: Array) -> tuple[Array, Array]:
     """Ends of c, (m, n_e, n_x): its domain, less what the bounds of mu forbid where b depends on c."""
     lower, upper = np.full((1, 1, 1), c.lower), np.full((1, 1, 1), c.upper)
-    if k.b1 and mu_ends is not None:
+    k, mu = series.squares.coefficients, series.mu
+    if k.b1 and isinstance(mu, FreeParameter):
         rises = k.b1 > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_most = (mu_ends[1] * (1.0 + e_n) / x - k.b0) / k.b1
+            of_most = (mu.upper * (1.0 + e_n) / x - k.b0) / k.b1
             of_least: Array | float = c.lower if rises else c.upper
-            if mu_ends[0]:
-                of_least = (mu_ends[0] * (1.0 + e_n) / x - k.b0) / k.b1
+            if mu.lower:
+                of_least = (mu.lower * (1.0 + e_n) / x - k.b0) / k.b1
         floor, ceiling = (of_least, of_most) if rises else (of_most, of_least)
         lower = np.maximum(lower, np.minimum(floor, c.upper))
         upper = np.maximum(np.minimum(upper, ceiling), lower)
@@ -91,43 +88,26 @@ def c_domain(
 
 
 def conditional_coordinate(
-    squares: SumOfSquares,
-    noise: tuple[Scale, ...] | None,
-    sigma: Array,
-    c: FreeParameter,
-    given: ConditioningValues,
-    domain: tuple[Array, Array],
-    tail: float,
-    row_law: RowLaw | None = None,
-    places: Sequence[float] = (),
+    series: SeriesIntegral, c: FreeParameter, given: ConditioningValues
 ) -> ConditionalCoordinate:
     """Find the conditional mode inside its domain, its spread, and how far both tails are followed.
 
     Parameters
     ----------
-    squares : SumOfSquares
-    noise : tuple of NoiseScale or KnownScale, or None
-        Integrated inside, or known, one a noise group.
-    sigma : ndarray
-        Likely noise of each group, relative to the weights.
+    series : SeriesIntegral
     c : FreeParameter
+        Its closure constant.
     given : ConditioningValues
-    domain : (ndarray, ndarray)
-    tail : float
-        Fall of the log density beyond which nothing is counted.
-    row_law : RowLaw, optional
-        Of the rows, where `squares` is only near to it.
-    places : sequence of float
-        The constant at the modes of the noises that are known: about another one it may lie elsewhere.
     """
-    lower, upper = domain
-    weight = [1.0 / s**2 for s in sigma]
-    at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given, domain)
+    squares, noise, row_law, tail = series.squares, series.noise, series.row_law, series.tail
+    lower, upper = domain = _domain(series, c, given.e_n, given.x)
+    at, d, curvature, count = _conditional_mode(series, c, given, domain)
     reference = squares.reference.c
     reach: Array = np.zeros((1, 1, 1))
     if noise is not None and row_law is None:
         competing = CompetingNoises(squares, noise, c, given, (lower - reference, upper - reference))
-        at, d, curvature, reach = competing.likeliest(at, d, curvature, np.asarray(places) - reference, tail)
+        places = np.asarray(series.c_places) - reference
+        at, d, curvature, reach = competing.likeliest(at, d, curvature, places, tail)
     # rounding leaves a curvature a little below 0 where the constant takes no part
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
@@ -154,14 +134,11 @@ def conditional_coordinate(
 
 
 def _conditional_mode(
-    squares: SumOfSquares,
-    noise: tuple[Scale, ...] | None,
-    weight: list[Array | float],
-    c: FreeParameter,
-    given: ConditioningValues,
-    domain: tuple[Array, Array],
+    series: SeriesIntegral, c: FreeParameter, given: ConditioningValues, domain: tuple[Array, Array]
 ) -> tuple[Array, Array, Array, int]:
     """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
+    squares, noise = series.squares, series.noise
+    weight: list[Array | float] = [1.0 / s**2 for s in series.sigma]
     lower, upper = domain
     reference = squares.reference.c
     added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0

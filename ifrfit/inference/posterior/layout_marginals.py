@@ -25,7 +25,7 @@ from ifrfit.inference.posterior.marginals import (
     shared_kappa_marginal,
     shared_marginal,
 )
-from ifrfit.inference.posterior.noise_marginal import noise_marginal
+from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.parameter_marginals import friction_cdf, kappa_marginal, series_marginal
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import TransitionKnown
@@ -58,10 +58,11 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
     number = layout.integral.number_of("noise")
     if number is not None:
         found["noise"] = shared_marginal(density, number, "noise")
-    for number, names in enumerate(layout.noise_groups):
+    for grid, names in zip(density.grids, layout.noise_groups, strict=True):
         for group, name in enumerate(names):
-            label = noise_name(name)
-            found[label] = noise_marginal(density, number, group, label)
+            squares, label = grid.sums_of_squares(group, density.share), noise_name(name)
+            negligible = math.exp(-grid.series.tail)
+            found[label] = noise_over_squares(grid.series.noise_scale(group), *squares, negligible, label)
     return found
 
 

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
@@ -23,26 +22,6 @@ _ORDER = 24  # of the rules in the logarithm of sigma
 _WIDTH = 3.0  # of their panels, in sd of the law given the sum of squares: exact to rounding
 _FALL = 40.0  # of the log density beyond which that law is not followed
 _FEWEST, _MOST = 16, 96  # nodes for functions of a sum of squares
-
-
-def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> Marginal:
-    """The unknown sigma of a noise group.
-
-    Parameters
-    ----------
-    joint : JointDensity
-    number : int
-        Of the series.
-    group : int
-        Of the noise groups of the series.
-    name : str
-    """
-    grid = joint.grids[number]
-    own = (grid.series.noise or ())[group]
-    if not isinstance(own, NoiseScale):
-        raise TypeError(f"group {group} of series {number} has no unknown noise")
-    square, weight = grid.sums_of_squares(group, joint.share)
-    return noise_over_squares(own, square, weight, math.exp(-grid.series.tail), name)
 
 
 def noise_over_squares(

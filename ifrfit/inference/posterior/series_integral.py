@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.inference.posterior.noise_scale import Scale
+from ifrfit.inference.posterior.noise_scale import NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.sum_of_squares import SumOfSquares
 from ifrfit.physics.impulse_laws import Coefficients
@@ -278,6 +278,12 @@ class SeriesIntegral:
         self.log_norm = 0.0 if self.row_law is not None else float(np.log(weight).sum())
         if self.noise is None and self.row_law is None:
             self.log_norm -= 0.5 * weight.size * math.log(2.0 * math.pi)
+
+    def noise_scale(self, group: int) -> NoiseScale:
+        """The unknown noise of a group."""
+        own = (self.noise or ())[group]
+        assert isinstance(own, NoiseScale)
+        return own
 
     @property
     def integrates_e_n(self) -> bool:

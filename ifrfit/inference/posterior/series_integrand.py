@@ -17,7 +17,6 @@ from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.posterior.closure_constant import (
     ConditionalCoordinate,
     ConditioningValues,
-    c_domain,
     conditional_coordinate,
 )
 from ifrfit.inference.posterior.density_grid import DensityGrid, Nodes
@@ -59,12 +58,9 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
     coordinate: ConditionalCoordinate | None = None
     c_nodes = values.c[..., None]
     if series.integrates_c and isinstance(series.c, FreeParameter):
-        mu_ends = (series.mu.lower, series.mu.upper) if isinstance(series.mu, FreeParameter) else None
-        domain = c_domain(series.c, series.squares.coefficients, mu_ends, values.e_n, x)
         near = series.squares.with_mu(squares, values.e_n, x)
         at = ConditioningValues(near, values.e_n, x, None if noise is None else noise[..., 0])
-        own = (series.squares, series.noise, series.sigma, series.c)
-        coordinate = conditional_coordinate(*own, at, domain, series.tail, series.row_law, series.c_places)
+        coordinate = conditional_coordinate(series, series.c, at)
         c_nodes, log_by_c = coordinate.nodes(series.c_order)
         log_measure = log_measure + log_by_c
     mu = series.role.friction(values, x, c_nodes)
