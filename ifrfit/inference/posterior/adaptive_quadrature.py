@@ -13,7 +13,6 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
-from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
 from ifrfit.inference.posterior.marginals import (
     Marginal,
@@ -37,7 +36,6 @@ _SMALLEST_ALLOWED = 1e-15
 _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
-MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
 
 class GridTooLargeError(UsageError):
@@ -87,7 +85,7 @@ def integrate(
     TimeoutError
         If `over` says so before the first round.
     """
-    found = _refined(problem, tolerance, start, marginals_of, over, most_work)
+    found = _refined(problem, tolerance, start, over, most_work)
     return QuadraturePosterior(
         problem,
         float(found.density.log_z[0]),
@@ -126,7 +124,7 @@ def log_evidence(
     DataError, UsageError
         As `integrate`.
     """
-    found = _refined(problem, tolerance, start, lambda layout, density: {}, None, most_work)
+    found = _refined(problem, tolerance, start, None, most_work, has_marginals=False)
     return float(found.density.log_z[0]), found.evidence_error
 
 
@@ -141,22 +139,23 @@ def refuse_large(problem: Problem, tolerance: float, start: LeastSquaresFit, mos
         As `integrate`.
     """
     layout = make_layout(problem, start, tolerance, separate_e_n=True)
-    Refinement(layout, tolerance, marginals_of, most_work=most_work).lay_first_grid()
+    Refinement(layout, tolerance, most_work=most_work).lay_first_grid()
 
 
 def _refined(
     problem: Problem,
     tolerance: float,
     start: LeastSquaresFit | None,
-    marginals: MarginalsOf,
     over: Callable[[], bool] | None,
     most_work: float,
+    *,
+    has_marginals: bool = True,
 ) -> Refinement:
     """Refine the integral with e_n separated, eq. (8), or whole where rows or domain do not allow that."""
     start = least_squares(problem) if start is None else start
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
-        refinement = Refinement(layout, tolerance, marginals, over, most_work)
+        refinement = Refinement(layout, tolerance, over, most_work, has_marginals=has_marginals)
         refinement.run()
         most_work = refinement.work_left
         if not refinement.kappa_reaches_end():
@@ -171,12 +170,12 @@ class Refinement:
     ----------
     layout : IntegralLayout
     tolerance : float
-    marginals : callable
-        From the layout and a density to the marginals that must converge, beside the evidence.
     over : callable, optional
         Whether time is up.
     most_work : float
         As `integrate`.
+    has_marginals : bool
+        Whether the marginals must converge beside the evidence.
 
     Attributes
     ----------
@@ -196,13 +195,14 @@ class Refinement:
         self,
         layout: IntegralLayout,
         tolerance: float,
-        marginals: MarginalsOf,
         over: Callable[[], bool] | None = None,
         most_work: float = math.inf,
+        *,
+        has_marginals: bool = True,
     ) -> None:
         self.layout, self.tolerance = layout, tolerance
         self.work_left = most_work
-        self._integral, self._marginals_of = layout.integral, marginals
+        self._integral, self._has_marginals = layout.integral, has_marginals
         self._is_over = over if over is not None else lambda: False
         self.errors: list[float] = []
         self._allowed = tolerance  # error of all panels of an axis
@@ -223,7 +223,7 @@ class Refinement:
             is_last = round_ == _ROUNDS - 1 or self._is_over()
             has_marginals = self.evidence_error <= self.tolerance or is_last
             if has_marginals:
-                self.marginals = self._marginals_of(self.layout, self.density)
+                self.marginals = self._marginals()
                 if not self.errors and self.kappa_reaches_end():
                     return  # finer panels would not part e_n from it
                 self._estimate_error()
@@ -234,7 +234,7 @@ class Refinement:
                     return
             if not self._refine():
                 if not has_marginals:
-                    self.marginals = self._marginals_of(self.layout, self.density)
+                    self.marginals = self._marginals()
                     self._estimate_error()
                 self._estimate_whole_error()
                 return
@@ -286,6 +286,9 @@ class Refinement:
         self.work_left -= self._integral.work()
         self.density = self._integral.evaluate()
         self.evidence_error = self.density.evidence_error()
+
+    def _marginals(self) -> Mapping[str, Marginal]:
+        return marginals_of(self.layout, self.density) if self._has_marginals else {}
 
     def _estimate_error(self) -> None:
         self.error = largest_error(self.marginals, self.tolerance, is_last=False)

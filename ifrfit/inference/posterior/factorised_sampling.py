@@ -283,7 +283,7 @@ class _Sampler:
         """Shared coordinates from a lattice, (n, k)."""
         if laws.shared is None:
             return np.zeros((n, 0))
-        return laws.shared.draw(lattice(n, shift, finer=finer)[None])[0]
+        return np.asarray(laws.shared.draw(lattice(n, shift, finer=finer)[None])[0])
 
     def sample(self, laws: _Laws) -> ImportancePosterior:
         """Draw finer and finer lattices until standard errors are small."""

@@ -24,9 +24,8 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.grid_settings import fits_at_modes
-from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
-from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import (
     Gaussian,

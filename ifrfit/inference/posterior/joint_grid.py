@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors, density_on_grid
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
-from ifrfit.inference.posterior.series_integrand import density_on_grid
 
 Array = NDArray[np.float64]
 

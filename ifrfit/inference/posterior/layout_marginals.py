@@ -21,11 +21,11 @@ from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import (
     Marginal,
+    noise_over_squares,
     scaled_marginal,
     shared_kappa_marginal,
     shared_marginal,
 )
-from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.parameter_marginals import friction_cdf, kappa_marginal, series_marginal
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import TransitionKnown

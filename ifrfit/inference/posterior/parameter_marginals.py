@@ -18,8 +18,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]

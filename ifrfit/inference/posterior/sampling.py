@@ -20,8 +20,7 @@ from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
 from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis, rule
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis, rule
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

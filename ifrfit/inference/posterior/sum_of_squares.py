@@ -67,13 +67,6 @@ def expand(
     """The quadratic in d: with v = v0 + d v1 in the four columns, v0'Gv0, -v0'Gv1 and v1'Gv1."""
     which = np.searchsorted(sums.tau, x, side="right")
     rr, rm, rp, rq, mm, mp, mq, pp, pq, qq = sums.products[:, which]
-    if sums.scale == "one":
-        square = rr - d_kappa * (2.0 * rq - d_kappa * qq)
-        slope, curvature = rp - d_kappa * pq, pp
-        if h is not None:
-            slope = slope + h * (rq - d_kappa * qq)
-            curvature = curvature + h * (2.0 * pq + h * qq)
-        return Quadratic(square, slope, curvature)
     factor = scale_factor(sums.scale, e_n)
     shift = factor - scale_factor(sums.scale, np.asarray(reference_e_n))
     y = factor * d_kappa
