@@ -120,16 +120,12 @@ class _Points:
             parts = [x.reshape(REPLICATES, x.shape[0] // REPLICATES, *x.shape[1:]) for x in (a, b)]
             return np.concatenate(parts, axis=1).reshape(a.shape[0] + b.shape[0], *a.shape[1:])
 
-        pairs = [
-            tuple(interleaved(*each) for each in zip(mine, its, strict=True))
-            for mine, its in (
-                (self.series, other.series),
-                (self.log_inner, other.log_inner),
-                (self.squares, other.squares),
-            )
-        ]
         return _Points(
-            interleaved(self.shared, other.shared), interleaved(self.log_outer, other.log_outer), *pairs
+            interleaved(self.shared, other.shared),
+            interleaved(self.log_outer, other.log_outer),
+            tuple(map(interleaved, self.series, other.series)),
+            tuple(map(interleaved, self.log_inner, other.log_inner)),
+            tuple(map(interleaved, self.squares, other.squares)),
         )
 
 

@@ -17,7 +17,7 @@ from ifrfit.inference.posterior.constants_density import Coordinates
 Array = NDArray[np.float64]
 
 _TINY = 1e-300
-_AT_ONCE = 8192  # points whose arrays stay in the cache
+_AT_ONCE = 65_536  # points at once
 # Generating vector of an extensible lattice in base 2, order-2 weights, up to 2^20 points: Cools, Kuo &
 # Nuyens (2006), SIAM J. Sci. Comput. 28, 2162
 _GENERATOR = np.array(

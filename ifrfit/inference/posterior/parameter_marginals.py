@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +21,10 @@ from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
-
+Index = NDArray[np.intp]
 Errors = Callable[[Array, Array], list[PanelErrors]]
 
 _TINY = 1e-300
-Index = NDArray[np.intp]
-
 _AT_ONCE = 20_000  # nodes times thresholds looked at together: their arrays stay in the cache
 
 
@@ -45,61 +42,46 @@ def series_marginal(density: JointDensity, number: int, kind: str, parameter: Fr
     """
     grid = density.grids[number]
     nodes = grid.nodes
-    make, values = {
-        "e_n": (_e_n, nodes.e_n[..., None]),
-        "c": (_c, nodes.c),
-        "mu": (_mu, nodes.mu),
-    }[kind]
-    made = make(density, grid, parameter)
-    return replace(made, factors=((number, values),))
+    errors: Errors | None = None
+    if kind == "e_n":
+        values, cdf = nodes.e_n[..., None], _e_n(density, grid)
+    elif kind == "mu":
+        values, (cdf, errors) = nodes.mu, _friction(density, grid, 1.0 + nodes.e_n)
+    else:
+        values, (cdf, errors) = nodes.c, _c(density, grid)
+    moments, factors = _moments(density, grid, values), ((number, values),)
+    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, factors, errors=errors)
 
 
 def _moments(density: JointDensity, grid: DensityGrid, values: Array) -> Moments:
     return moments_of(lambda of: (density.share * grid.expectation(of(values))).sum(axis=1))
 
 
-def _e_n(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    series = grid.series
-    moments = _moments(density, grid, grid.nodes.e_n[..., None])
-    if series.e_axis is None:  # e_n = x b/mu - 1
-        mu = grid.nodes.mu[..., 0]
-        b = _bound(grid)
-        below = grid.x_cdf(density.share)
-
-        def cdf(t: Array, levels: int) -> Array:
-            return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
-
-        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
-    rows = PanelCdf.of_levels(series.e_axis, grid.e_density(density.share))
-    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, rows.below_in_all)
+def _e_n(density: JointDensity, grid: DensityGrid) -> Cdf:
+    """Distribution function of e_n."""
+    if grid.series.e_axis is not None:
+        return PanelCdf.of_levels(grid.series.e_axis, grid.e_density(density.share)).below_in_all
+    mu, b, below = grid.nodes.mu[..., 0], _bound(grid), grid.x_cdf(density.share)  # e_n = x b/mu - 1
+    return lambda t, levels: below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
 
-def _c(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    moments = _moments(density, grid, grid.nodes.c)
-    # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
-    if isinstance(grid.series.role, ClosureConstantFree):
-        kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
-        below = grid.x_cdf(density.share)
-        k = grid.series.squares.coefficients
+def _c(density: JointDensity, grid: DensityGrid) -> tuple[Cdf, Errors | None]:
+    """Distribution function of the closure constant, and the errors of panels over which it is averaged."""
+    if not isinstance(grid.series.role, ClosureConstantFree):
+        by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
+        return by_c.probability, _errors_by_c(density, grid, by_c)
+    kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
+    below = grid.x_cdf(density.share)
+    k = grid.series.squares.coefficients
 
-        def cdf(t: Array, levels: int) -> Array:
-            b = np.asarray(sticking_bound(k, t[:, None, None]))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
+    def cdf(t: Array, levels: int) -> Array:
+        # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
+        b = np.asarray(sticking_bound(k, t[:, None, None]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.where(b > 0.0, kappa / b, np.inf)
+        return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
 
-        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
-    by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
-    errors = _errors_by_c(density, grid, by_c)
-    return Marginal(
-        parameter.name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors
-    )
-
-
-def _mu(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
-    moments = _moments(density, grid, grid.nodes.mu)
-    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
+    return cdf, None
 
 
 def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, Errors]:
@@ -191,8 +173,8 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
     low, high = (mu * (1.0 + e_n) for mu, e_n in zip(mu_ends, e_ends, strict=True))
     if isinstance(series.role, ClosureConstantFree) and isinstance(series.e_n, FreeParameter):
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
-        e_n = _e_n(density, grid, series.e_n)
-        return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
+        below = _e_n(density, grid)
+        return Marginal(name, low, high, moments, lambda t, levels: below(t / mu - 1.0, levels))
     cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
     return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)
 
