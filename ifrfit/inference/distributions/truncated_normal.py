@@ -39,7 +39,13 @@ class TruncatedNormal:
         """Quantile p, 0 to 1."""
         if math.isinf(self.sd):
             return self.lower if p == 0.0 else self.lower + p * (self.upper - self.lower)
-        return quantile(p, self.center, self.sd, self.lower, self.upper, self.dof)
+        if self.sd == 0.0:
+            return min(max(self.center, self.lower), self.upper)
+        low, high = (self.lower - self.center) / self.sd, (self.upper - self.center) / self.sd
+        # from the tail in which the bounds lie, so that probabilities keep their digits
+        if low > 0.0:
+            return self.center - self.sd * _cut(1.0 - p, -high, -low, self.dof)
+        return self.center + self.sd * _cut(p, low, high, self.dof)
 
     def cdf(self, x: float) -> float:
         """Probability below x."""
@@ -58,29 +64,6 @@ class TruncatedNormal:
     def half_width(self, level: float) -> float:
         """Half width of the central interval of the given level before the cut."""
         return half_width(level, self.dof) * self.sd
-
-
-def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof: float = math.inf) -> float:
-    """Quantile p of a distribution with the given centre and scale, restricted to [lower, upper].
-
-    Parameters
-    ----------
-    p : float
-        Probability, 0 to 1.
-    center, sd : float
-        Before the cut; the centre may lie outside the bounds.
-    lower, upper : float
-        Bounds, may be infinite.
-    dof : float
-        Degrees of freedom of Student's t; infinite for the normal distribution.
-    """
-    if sd == 0.0:
-        return min(max(center, lower), upper)
-    low, high = (lower - center) / sd, (upper - center) / sd
-    # from the tail in which the bounds lie, so that probabilities keep their digits
-    if low > 0.0:
-        return center - sd * _cut(1.0 - p, -high, -low, dof)
-    return center + sd * _cut(p, low, high, dof)
 
 
 def _cut(p: float, low: float, high: float, dof: float) -> float:

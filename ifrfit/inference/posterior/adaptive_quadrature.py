@@ -12,17 +12,20 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
-from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
-from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.marginals import (
+    Marginal,
+    errors_of_quantiles,
+    largest_error,
+)
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
 # Sizes of grids, in values of the density
+_SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
 _MEMORY = 6_000_000  # that would fill the memory (some 0.9 GB)
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
@@ -44,9 +47,6 @@ def _too_large(size: int) -> GridTooLargeError:
         f"The exact posterior needs a grid of {size:.0e} values here, which does not fit into memory. "
         "Use --method mcmc, or fix a constant."
     )
-
-
-MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
 
 def integrate(
@@ -85,7 +85,7 @@ def integrate(
     TimeoutError
         If `over` says so before the first round.
     """
-    found = _refined(problem, tolerance, start, marginals_of, over, most_work)
+    found = _refined(problem, tolerance, start, over, most_work)
     return QuadraturePosterior(
         problem,
         float(found.density.log_z[0]),
@@ -124,7 +124,7 @@ def log_evidence(
     DataError, UsageError
         As `integrate`.
     """
-    found = _refined(problem, tolerance, start, lambda layout, density: {}, None, most_work)
+    found = _refined(problem, tolerance, start, None, most_work, has_marginals=False)
     return float(found.density.log_z[0]), found.evidence_error
 
 
@@ -139,22 +139,23 @@ def refuse_large(problem: Problem, tolerance: float, start: LeastSquaresFit, mos
         As `integrate`.
     """
     layout = make_layout(problem, start, tolerance, separate_e_n=True)
-    Refinement(layout, tolerance, marginals_of, most_work=most_work).lay_first_grid()
+    Refinement(layout, tolerance, most_work=most_work).lay_first_grid()
 
 
 def _refined(
     problem: Problem,
     tolerance: float,
     start: LeastSquaresFit | None,
-    marginals: MarginalsOf,
     over: Callable[[], bool] | None,
     most_work: float,
+    *,
+    has_marginals: bool = True,
 ) -> Refinement:
     """Refine the integral with e_n separated, eq. (8), or whole where rows or domain do not allow that."""
     start = least_squares(problem) if start is None else start
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
-        refinement = Refinement(layout, tolerance, marginals, over, most_work)
+        refinement = Refinement(layout, tolerance, over, most_work, has_marginals=has_marginals)
         refinement.run()
         most_work = refinement.work_left
         if not refinement.kappa_reaches_end():
@@ -169,12 +170,12 @@ class Refinement:
     ----------
     layout : IntegralLayout
     tolerance : float
-    marginals : callable
-        From the layout and a density to the marginals that must converge, beside the evidence.
     over : callable, optional
         Whether time is up.
     most_work : float
         As `integrate`.
+    has_marginals : bool
+        Whether the marginals must converge beside the evidence.
 
     Attributes
     ----------
@@ -194,13 +195,14 @@ class Refinement:
         self,
         layout: IntegralLayout,
         tolerance: float,
-        marginals: MarginalsOf,
         over: Callable[[], bool] | None = None,
         most_work: float = math.inf,
+        *,
+        has_marginals: bool = True,
     ) -> None:
         self.layout, self.tolerance = layout, tolerance
         self.work_left = most_work
-        self._integral, self._marginals_of = layout.integral, marginals
+        self._integral, self._has_marginals = layout.integral, has_marginals
         self._is_over = over if over is not None else lambda: False
         self.errors: list[float] = []
         self._allowed = tolerance  # error of all panels of an axis
@@ -221,7 +223,7 @@ class Refinement:
             is_last = round_ == _ROUNDS - 1 or self._is_over()
             has_marginals = self.evidence_error <= self.tolerance or is_last
             if has_marginals:
-                self.marginals = self._marginals_of(self.layout, self.density)
+                self.marginals = self._marginals()
                 if not self.errors and self.kappa_reaches_end():
                     return  # finer panels would not part e_n from it
                 self._estimate_error()
@@ -232,7 +234,7 @@ class Refinement:
                     return
             if not self._refine():
                 if not has_marginals:
-                    self.marginals = self._marginals_of(self.layout, self.density)
+                    self.marginals = self._marginals()
                     self._estimate_error()
                 self._estimate_whole_error()
                 return
@@ -263,11 +265,14 @@ class Refinement:
             As `run`.
         """
         integral = self._integral
-        with integral.low_order():
+        with integral.low_order(integral.axes):
             is_too_large = integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
         if is_too_large:
             raise _too_large(self._integral.size())
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
+        is_unbounded = any(series.is_unbounded for series in self._integral.series)
+        if is_unbounded and self._integral.size() > _SMALL:
+            self.work_left -= self._integral.refine_transitions(self.tolerance, self.work_left)
         if self._is_over():
             raise TimeoutError
         if self._is_too_large():
@@ -281,6 +286,9 @@ class Refinement:
         self.work_left -= self._integral.work()
         self.density = self._integral.evaluate()
         self.evidence_error = self.density.evidence_error()
+
+    def _marginals(self) -> Mapping[str, Marginal]:
+        return marginals_of(self.layout, self.density) if self._has_marginals else {}
 
     def _estimate_error(self) -> None:
         self.error = largest_error(self.marginals, self.tolerance, is_last=False)
@@ -312,7 +320,7 @@ class Refinement:
         errors = errors_of_quantiles(marginals, self.tolerance)
         # before any panel changes: marginals are read from the density on the present ones
         kinks = [
-            marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
+            marginal.kinks(marginal.at_levels(self.tolerance))
             for marginal in marginals.values()
             if marginal.kinks is not None and marginal.moments(0)[1] > 0.0
         ]

@@ -1,4 +1,4 @@
-"""The closure constant c given e_n and the transition: its mode, its spread, and nodes on both sides of it.
+"""The closure constant c given e_n and the transition: its mode, its spread, nodes and integrals.
 
 Eq. (6) of ``docs/theory/posterior.md``.
 """
@@ -6,7 +6,6 @@ Eq. (6) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +13,11 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_law import GAUSSIAN
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.clenshaw_curtis import rule
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
-from ifrfit.inference.posterior.quadratic_sums import Quadratic
-from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, SumOfSquares
-from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.inference.posterior.quadrature_axis import integral_up_to, rule
+from ifrfit.inference.posterior.series_integral import SeriesIntegral
+from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, Quadratic, SumOfSquares
 
 Array = NDArray[np.float64]
 
@@ -73,18 +70,17 @@ class ConditionalCoordinate:
         return nodes.reshape(shape), jacobian.reshape(shape)
 
 
-def c_domain(
-    c: FreeParameter, k: Coefficients, mu_ends: tuple[float, float] | None, e_n: Array, x: Array
-) -> tuple[Array, Array]:
+def _domain(series: SeriesIntegral, c: FreeParameter, e_n: Array, x: Array) -> tuple[Array, Array]:
     """Ends of c, (m, n_e, n_x): its domain, less what the bounds of mu forbid where b depends on c."""
     lower, upper = np.full((1, 1, 1), c.lower), np.full((1, 1, 1), c.upper)
-    if k.b1 and mu_ends is not None:
+    k, mu = series.squares.coefficients, series.mu
+    if k.b1 and isinstance(mu, FreeParameter):
         rises = k.b1 > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_most = (mu_ends[1] * (1.0 + e_n) / x - k.b0) / k.b1
+            of_most = (mu.upper * (1.0 + e_n) / x - k.b0) / k.b1
             of_least: Array | float = c.lower if rises else c.upper
-            if mu_ends[0]:
-                of_least = (mu_ends[0] * (1.0 + e_n) / x - k.b0) / k.b1
+            if mu.lower:
+                of_least = (mu.lower * (1.0 + e_n) / x - k.b0) / k.b1
         floor, ceiling = (of_least, of_most) if rises else (of_most, of_least)
         lower = np.maximum(lower, np.minimum(floor, c.upper))
         upper = np.maximum(np.minimum(upper, ceiling), lower)
@@ -92,43 +88,26 @@ def c_domain(
 
 
 def conditional_coordinate(
-    squares: SumOfSquares,
-    noise: tuple[Scale, ...] | None,
-    sigma: Array,
-    c: FreeParameter,
-    given: ConditioningValues,
-    domain: tuple[Array, Array],
-    tail: float,
-    row_law: RowLaw | None = None,
-    places: Sequence[float] = (),
+    series: SeriesIntegral, c: FreeParameter, given: ConditioningValues
 ) -> ConditionalCoordinate:
     """Find the conditional mode inside its domain, its spread, and how far both tails are followed.
 
     Parameters
     ----------
-    squares : SumOfSquares
-    noise : tuple of NoiseScale or KnownScale, or None
-        Integrated inside, or known, one a noise group.
-    sigma : ndarray
-        Likely noise of each group, relative to the weights.
+    series : SeriesIntegral
     c : FreeParameter
+        Its closure constant.
     given : ConditioningValues
-    domain : (ndarray, ndarray)
-    tail : float
-        Fall of the log density beyond which nothing is counted.
-    row_law : RowLaw, optional
-        Of the rows, where `squares` is only near to it.
-    places : sequence of float
-        The constant at the modes of the noises that are known: about another one it may lie elsewhere.
     """
-    lower, upper = domain
-    weight = [1.0 / s**2 for s in sigma]
-    at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given, domain)
+    squares, noise, row_law, tail = series.squares, series.noise, series.row_law, series.tail
+    lower, upper = domain = _domain(series, c, given.e_n, given.x)
+    at, d, curvature, count = _conditional_mode(series, c, given, domain)
     reference = squares.reference.c
     reach: Array = np.zeros((1, 1, 1))
     if noise is not None and row_law is None:
         competing = CompetingNoises(squares, noise, c, given, (lower - reference, upper - reference))
-        at, d, curvature, reach = competing.likeliest(at, d, curvature, np.asarray(places) - reference, tail)
+        places = np.asarray(series.c_places) - reference
+        at, d, curvature, reach = competing.likeliest(at, d, curvature, places, tail)
     # rounding leaves a curvature a little below 0 where the constant takes no part
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
@@ -155,14 +134,11 @@ def conditional_coordinate(
 
 
 def _conditional_mode(
-    squares: SumOfSquares,
-    noise: tuple[Scale, ...] | None,
-    weight: list[Array | float],
-    c: FreeParameter,
-    given: ConditioningValues,
-    domain: tuple[Array, Array],
+    series: SeriesIntegral, c: FreeParameter, given: ConditioningValues, domain: tuple[Array, Array]
 ) -> tuple[Array, Array, Array, int]:
     """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
+    squares, noise = series.squares, series.noise
+    weight: list[Array | float] = [1.0 / s**2 for s in series.sigma]
     lower, upper = domain
     reference = squares.reference.c
     added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0
@@ -358,3 +334,86 @@ def _gauss_newton(
         slope[at] = np.einsum("ij,ij->i", by_c, left)
         curvature[at] = np.einsum("ij,ij->i", by_c, by_c)
     return square.reshape(shape), slope.reshape(shape), curvature.reshape(shape)
+
+
+@dataclass(frozen=True)
+class TwoSidedIntegrals:
+    """Polynomials of the integrals of the densities of c on either side of the mode.
+
+    Attributes
+    ----------
+    place : ndarray of int
+        Of each node of the density among those kept, counted along (outer nodes, e_n, transition); -1 for the
+        others.
+    coefficients : list of ndarray, (coefficients, 2 n)
+        By level (rule, coarse rule), of the integral below the mode, then above it.
+    total : ndarray, (2 levels, 2 sides, n)
+    mode, size, u_max : ndarray, (n,), (n,), (2, n)
+        Of the coordinate, as in `ConditionalCoordinate`.
+    """
+
+    place: Index
+    coefficients: list[Array]
+    total: Array
+    mode: Array
+    size: Array
+    u_max: Array
+
+    @classmethod
+    def of(
+        cls, f: Array, mass: Array, coordinate: ConditionalCoordinate, order: int, negligible: float
+    ) -> TwoSidedIntegrals:
+        """At all nodes but those that hold a negligible mass all together.
+
+        Parameters
+        ----------
+        f : ndarray, (m, n_e, n_x, 2 (order + 1)), the first three axes broadcastable to those of `mass`
+            Density in the coordinate, left side then right side.
+        mass : ndarray, (m, n_e, n_x)
+            Of each node, over the whole of its outer node.
+        coordinate : ConditionalCoordinate
+        order : int
+        negligible : float
+        """
+        shape = f.shape[:3]
+        alone = tuple(axis for axis, n in enumerate(shape) if n == 1)
+        mass = mass.sum(axis=alone, keepdims=True).reshape(-1)
+        used = np.flatnonzero(mass > negligible / (mass.size / shape[0]))
+        place = np.full(mass.size, -1, dtype=np.intp)
+        place[used] = np.arange(used.size)
+        sides = f.reshape(-1, 2, order + 1)[used]
+        # the coarse integral is of half the order
+        to_integral = rule(order).antiderivative
+        kept = to_integral[0], to_integral[1, : order // 2 + 2]
+        coefficients = [np.concatenate([to @ sides[:, i].T for i in (0, 1)], axis=1) for to in kept]
+        total = np.stack([found.sum(axis=0).reshape(2, -1) for found in coefficients])
+        mode, size = (np.broadcast_to(y, shape).reshape(-1)[used] for y in (coordinate.mode, coordinate.size))
+        u_max = np.broadcast_to(coordinate.u_max, (*shape, 2)).reshape(-1, 2)[used].T
+        return cls(place, coefficients, total, mode, size, u_max)
+
+    def below(self, c: Array, node: Index, levels: int) -> Array:
+        """Integrals up to values of c, (levels, n, k).
+
+        Parameters
+        ----------
+        c : ndarray, (n, k)
+        node : ndarray of int, (k,)
+            Among those kept.
+        levels : int
+            1 for the rules alone, 2 for the coarse ones too.
+        """
+        distance = c - self.mode[node]
+        side = (distance >= 0.0).astype(np.intp)
+        u_max = self.u_max[side, node]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            v = np.arcsinh(np.abs(distance) / self.size[node]) / u_max
+        inside = np.flatnonzero(((v < 1.0) & (u_max > 0.0)).reshape(-1))
+        column = (side * self.mode.size + node).reshape(-1)[inside]
+        at = v.reshape(-1)[inside]
+        found = np.empty((levels, *side.shape))
+        for level in range(levels):
+            amount = self.total[level][side, node].reshape(-1)  # beyond u_max all of a side
+            amount[inside] = integral_up_to(self.coefficients[level].take(column, axis=1).T, at)
+            amount = amount.reshape(side.shape)
+            found[level] = self.total[level, 0, node] + np.where(side == 1, amount, -amount)
+        return found

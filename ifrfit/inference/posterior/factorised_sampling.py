@@ -13,9 +13,8 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
-from ifrfit.inference.distributions.draws import Draws, kappa_draws
+from ifrfit.inference.distributions.draws import Draws, WeightedDraws, kappa_draws
 from ifrfit.inference.distributions.protocol import transition_name
-from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -121,16 +120,12 @@ class _Points:
             parts = [x.reshape(REPLICATES, x.shape[0] // REPLICATES, *x.shape[1:]) for x in (a, b)]
             return np.concatenate(parts, axis=1).reshape(a.shape[0] + b.shape[0], *a.shape[1:])
 
-        pairs = [
-            tuple(interleaved(*each) for each in zip(mine, its, strict=True))
-            for mine, its in (
-                (self.series, other.series),
-                (self.log_inner, other.log_inner),
-                (self.squares, other.squares),
-            )
-        ]
         return _Points(
-            interleaved(self.shared, other.shared), interleaved(self.log_outer, other.log_outer), *pairs
+            interleaved(self.shared, other.shared),
+            interleaved(self.log_outer, other.log_outer),
+            tuple(map(interleaved, self.series, other.series)),
+            tuple(map(interleaved, self.log_inner, other.log_inner)),
+            tuple(map(interleaved, self.squares, other.squares)),
         )
 
 
@@ -284,7 +279,7 @@ class _Sampler:
         """Shared coordinates from a lattice, (n, k)."""
         if laws.shared is None:
             return np.zeros((n, 0))
-        return laws.shared.draw(lattice(n, shift, finer=finer)[None])[0]
+        return np.asarray(laws.shared.draw(lattice(n, shift, finer=finer)[None])[0])
 
     def sample(self, laws: _Laws) -> ImportancePosterior:
         """Draw finer and finer lattices until standard errors are small."""

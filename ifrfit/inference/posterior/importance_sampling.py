@@ -16,19 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import LARGEST_WEIGHT, LEAST_EFFECTIVE, SAMPLING_ERROR
-from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.distributions.draws import Draws, WeightedDraws
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
-from ifrfit.inference.posterior.convergence import quantiles_of
-from ifrfit.inference.posterior.known_modes import fits_at_modes
-from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.grid_settings import fits_at_modes
+from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
-from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import (
     Gaussian,
@@ -120,7 +117,7 @@ class ImportancePosterior(WeightedDraws):
             return self._part_of[name].quantile(name, p)
         if name not in self.noises:
             return super().quantile(name, p)
-        found = quantiles_of(self.noises[name], np.atleast_1d(np.asarray(p, dtype=float)), _ROUGHLY)
+        found = self.noises[name].quantiles(np.atleast_1d(np.asarray(p, dtype=float)), _ROUGHLY)
         return float(found[0]) if np.ndim(p) == 0 else found
 
     def cdf(self, name: str, value: ArrayLike) -> Array | float:
@@ -129,9 +126,7 @@ class ImportancePosterior(WeightedDraws):
             return self._part_of[name].cdf(name, value)
         if name not in self.noises:
             return super().cdf(name, value)
-        own = self.noises[name]
-        at = np.clip(np.atleast_1d(np.asarray(value, dtype=float)), own.low, own.high)
-        found = np.clip(own.cdf(at, 1)[0], 0.0, 1.0)
+        found = self.noises[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
         return float(found[0]) if np.ndim(value) == 0 else found
 
     @property
@@ -472,7 +467,7 @@ def standard_error(
     of_noises = [noise_marginals(scales, *each) for each in zip(shares, parts, strict=True)] if scales else []
     worst = 0.0
     for name, marginal in noises.items():
-        at = quantiles_of(marginal, np.array(LEVELS), _ROUGHLY)
+        at = marginal.at_levels(_ROUGHLY)
         found = np.array([_of_marginal(each[name]) for each in of_noises])
         below = np.array([each[name].cdf(at, 1)[0] for each in of_noises])
         worst = max(worst, _scatter(found, below, marginal.moments(0)[1]))
@@ -519,4 +514,4 @@ def _of_draws(part: WeightedDraws) -> list[float]:
 
 def _of_marginal(own: Marginal) -> list[float]:
     """The same of a noise."""
-    return [*own.moments(0), *quantiles_of(own, np.array(LEVELS), _ROUGHLY).tolist()]
+    return [*own.moments(0), *own.at_levels(_ROUGHLY).tolist()]

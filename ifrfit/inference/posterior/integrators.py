@@ -87,7 +87,9 @@ def exact_posterior(
     if integrator == "sampling" or no_grid(problem):
         return sampled_posterior(problem, start, seed)
     try:
-        found = _small_grid(problem, tolerance, start, _most_work(problem, tolerance))
+        # up to where quadrature is not slower than draws
+        most_work = _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
+        found = _small_grid(problem, tolerance, start, most_work)
     except GridTooLargeError:
         return sampled_posterior(problem, start, seed)
     if found.converged:
@@ -174,11 +176,6 @@ def _evidence_of_small_grid(
     except GridTooLargeError:
         return None
     return found if error <= max(_COARSER[-1], tolerance) else None
-
-
-def _most_work(problem: Problem, tolerance: float) -> float:
-    """Values of the density up to which quadrature is not slower than draws."""
-    return _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
 
 
 def _small_grid(

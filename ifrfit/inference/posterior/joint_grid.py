@@ -11,17 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors, density_on_grid
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
-from ifrfit.inference.posterior.series_integrand import density_on_grid
 
 Array = NDArray[np.float64]
 
 _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
 _BLIND = 3.0  # change of the log evidence at which a first look has seen nothing
+_REHEARSALS = 16  # rounds at most
 _LEAST_LOG = -1e300  # log density told from none
 
 
@@ -122,7 +121,7 @@ class JointIntegral:
 
     def drop_empty_panels(self, negligible: float) -> None:
         """Drop the panels in which a look at a low order finds no more than a share of the mass."""
-        with self.low_order():
+        with self.low_order(self.axes):
             density = self.evaluate()
             masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
             for grid in density.grids:
@@ -132,16 +131,48 @@ class JointIntegral:
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
 
+    def refine_transitions(self, allowed: float, most_work: float) -> float:
+        """Refine the transitions as far as a low order along everything else shows their errors.
+
+        Kinks along them take most rounds to resolve, and the other axes have little to do with these: without
+        it the grid of reagle-2013 under closure FR becomes more than twice as large. It ends where the grid
+        that comes of it would take too much work.
+
+        Returns
+        -------
+        float
+            The work that this took: little more than `most_work`.
+        """
+        done, whole = 0.0, self.work()
+        others = [axis for axis in self.axes if not any(axis is series.x_axis for series in self.series)]
+        with self.low_order(others):
+            per_work = whole / self.work()  # panels of the transitions make both larger alike
+            for _ in range(_REHEARSALS):
+                done += self.work()
+                found = self.error_sources(self.evaluate())
+                changed = [
+                    place.refine(mass, error, allowed)
+                    for place, mass, error in found
+                    if any(place is series.x_axis for series in self.series)
+                    if isinstance(place, QuadratureAxis)
+                ]
+                if not any(changed) or done + max(1.0, per_work) * self.work() > most_work:
+                    break
+        return done
+
     @contextmanager
-    def low_order(self) -> Iterator[None]:
-        """All axes at a low order for a while, the closure constants at twice that."""
-        restore = self.remembered()
-        for axis in self.axes:
+    def low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
+        """Some axes at a low order for a while, the closure constants at twice that."""
+        orders = [axis.order for axis in axes], [series.c_order for series in self.series]
+        for axis in axes:
             axis.order = _COARSE
         for series in self.series:
             series.c_order = 2 * _COARSE
         yield
-        restore()
+        for axis, own in zip(axes, orders[0], strict=True):
+            axis.order = own
+        for series, own in zip(self.series, orders[1], strict=True):
+            series.c_order = own
 
     def refine(self, sources: Sequence[PanelErrors], allowed: float) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.

@@ -1,21 +1,40 @@
-"""Every marginal of a posterior, each from the part of the integral that holds it."""
+"""Every marginal of a posterior, each from the part of the integral that holds it.
+
+Where e_n is separated, kappa and e_n are independent given the shared parameters: the distribution function
+of mu = kappa/(1 + e_n) is the mean of that of one of them over the other, eq. (10) of
+``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import (
     Marginal,
+    noise_over_squares,
     scaled_marginal,
     shared_kappa_marginal,
     shared_marginal,
 )
-from ifrfit.inference.posterior.noise_marginal import noise_marginal
-from ifrfit.inference.posterior.parameter_marginals import kappa_marginal, series_marginal
-from ifrfit.inference.posterior.quotient_marginal import quotient_marginal
-from ifrfit.inference.posterior.transition_roles import TransitionKnown
+from ifrfit.inference.posterior.parameter_marginals import friction_cdf, kappa_marginal, series_marginal
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integral import TransitionKnown
+
+Array = NDArray[np.float64]
+
+_AT_ONCE = 100_000  # values of a distribution function asked for at once
+_NEGLIGIBLE = 1e-13  # probability of a node of e_n that is left out
+_TINY = 1e-300
 
 
 def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Marginal]:
@@ -39,10 +58,11 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
     number = layout.integral.number_of("noise")
     if number is not None:
         found["noise"] = shared_marginal(density, number, "noise")
-    for number, names in enumerate(layout.noise_groups):
+    for grid, names in zip(density.grids, layout.noise_groups, strict=True):
         for group, name in enumerate(names):
-            label = noise_name(name)
-            found[label] = noise_marginal(density, number, group, label)
+            squares, label = grid.sums_of_squares(group, density.share), noise_name(name)
+            negligible = math.exp(-grid.series.tail)
+            found[label] = noise_over_squares(grid.series.noise_scale(group), *squares, negligible, label)
     return found
 
 
@@ -83,3 +103,131 @@ def _kappa_marginal(layout: IntegralLayout, density: JointDensity, block: int, n
         of_e_n = _parameter_marginal(layout, density, "e_n", block, e_n)
         return scaled_marginal(of_e_n, float(mu), float(mu), name)
     return kappa_marginal(density, number, name)
+
+
+class _Quotient:
+    """mu from the marginals of kappa and e_n, and the series that hold them.
+
+    Parameters
+    ----------
+    density : JointDensity
+    kappa, e_n : Marginal
+    numbers : (int, int)
+        Of the series that hold kappa and e_n.
+    """
+
+    def __init__(
+        self, density: JointDensity, kappa: Marginal, e_n: Marginal, numbers: tuple[int, int]
+    ) -> None:
+        self._density, self._kappa, self._e_n = density, kappa, e_n
+        self._friction, self._restitution = (density.grids[number] for number in numbers)
+        self.e_is_common = self._restitution.mass.shape[1] == 1  # the same law, whatever the shared values
+        (kappa_mean, kappa_sd), (e_mean, e_sd) = kappa.moments(0), e_n.moments(0)
+        self.e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, _TINY)
+
+    @property
+    def factors(self) -> tuple[Array, Array]:
+        """kappa at the nodes of its series, and 1/(1 + e_n) at those of e_n."""
+        return self._friction.nodes.mu, 1.0 / (1.0 + self._restitution.nodes.e_n[..., None])
+
+    @cached_property
+    def moments(self) -> list[tuple[float, float]]:
+        """Mean and standard deviation by the rules, and by the coarse ones."""
+        of_kappa, inverse = self.factors
+        w, k = self._restitution.expectation(inverse), self._friction.expectation(of_kappa)
+        # about the means by the rules, for both levels
+        w_square = (inverse - w[0][:, None, None, None]) ** 2
+        k_square = (of_kappa - k[0][:, None, None, None]) ** 2
+        w_variance = self._restitution.expectation(w_square) - (w - w[0]) ** 2
+        k_variance = self._friction.expectation(k_square) - (k - k[0]) ** 2
+        share = self._density.share
+        mean = (share * (k * w)).sum(axis=1)
+        within = k_variance * (w * w + w_variance) + k * k * w_variance
+        square = (share * (within + (k * w - mean[:, None]) ** 2)).sum(axis=1)
+        return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(mean, square, strict=True)]
+
+    def cdf(self, t: Array, levels: int) -> Array:
+        """Distribution function of mu, (levels, n): the mean over the narrower one, which is smoother."""
+        if not self.e_is_common:
+            return self._mean_over_e_given_shared(t, levels)
+        return self._mean_over_kappa(t, levels) if self.e_is_wider else self._mean_over_e(t, levels)
+
+    @cached_property
+    def _kappa_law(self) -> tuple[Array, Array]:
+        return self._friction.discrete_law(self._friction.nodes.mu, self._density.share)
+
+    @cached_property
+    def _e_law(self) -> tuple[Array, Array]:
+        """1 + e_n at the nodes that count, (n,), and their probabilities, (2, m or 1, n)."""
+        law = self._restitution.e_probabilities()
+        kept = np.flatnonzero(law[0].max(axis=0) > _NEGLIGIBLE)
+        return 1.0 + self._restitution.nodes.e_n.reshape(-1)[kept], law[:, :, kept]
+
+    def _mean_over_kappa(self, t: Array, levels: int) -> Array:
+        value, probability = self._kappa_law
+        total = np.zeros((levels, t.size))
+        step = max(1, _AT_ONCE // t.size)
+        for part in (slice(start, start + step) for start in range(0, value.size, step)):
+            e_n = value[part] / np.maximum(t, _TINY)[:, None] - 1.0
+            above = 1.0 - self._e_n.cdf(e_n.reshape(-1), levels).reshape(levels, t.size, -1)
+            total += (above @ probability[:levels, part, None])[..., 0]
+        return total
+
+    def _mean_over_e(self, t: Array, levels: int) -> Array:
+        points, law = self._e_law
+        below = self._kappa.cdf((t[:, None] * points).reshape(-1), levels).reshape(levels, t.size, -1)
+        return np.asarray((below @ law[:levels, 0, :, None])[..., 0])
+
+    def _mean_over_e_given_shared(self, t: Array, levels: int) -> Array:
+        points, law = self._e_law
+        one = np.ones((1, 1, 1))
+        each = [
+            friction_cdf(self._friction, one, self._density.share * law[:, :, j])(t * point, levels)
+            for j, point in enumerate(points)
+        ]
+        return np.asarray(sum(each))
+
+    def kinks(self) -> Callable[[Array], tuple[QuadratureAxis, Array]] | None:
+        """Along kappa, where values of mu meet the ends of e_n; None where kappa is not averaged over."""
+        if not (self.e_is_common and self.e_is_wider) or self._friction.series.is_unbounded:
+            return None
+        axis, per_kappa = _axis_of_kappa(self._density, self._friction)
+        ends = self._e_n.low, self._e_n.high
+        return lambda at: (axis, np.concatenate([at * (1.0 + end) * per_kappa for end in ends]))
+
+
+def quotient_marginal(
+    density: JointDensity,
+    kappa: Marginal,
+    e_n: Marginal,
+    numbers: tuple[int, int],
+    parameter: FreeParameter,
+) -> Marginal:
+    """mu = kappa/(1 + e_n) where nothing in the data ties the two.
+
+    Parameters
+    ----------
+    density : JointDensity
+    kappa, e_n : Marginal
+    numbers : (int, int)
+        Of the series that hold kappa and e_n.
+    parameter : FreeParameter
+        mu.
+    """
+    quotient = _Quotient(density, kappa, e_n, numbers)
+    return Marginal(
+        parameter.name,
+        parameter.lower,
+        parameter.upper,
+        lambda level: quotient.moments[level],
+        quotient.cdf,
+        tuple(zip(numbers, quotient.factors, strict=True)),
+        quotient.kinks(),
+    )
+
+
+def _axis_of_kappa(density: JointDensity, friction: DensityGrid) -> tuple[QuadratureAxis, float]:
+    """Axis along which kappa runs, and its coordinate over kappa (where b does not depend on c)."""
+    if friction.series.x_axis is not None:
+        return friction.series.x_axis, 1.0 / friction.series.squares.coefficients.b0
+    return next(one.axis for one in density.integral.shared if one.kind == "mu"), 1.0

@@ -1,22 +1,25 @@
-"""Marginals as such: mean, standard deviation and distribution function, and those of shared parameters.
+"""Marginals as such: moments, distribution function, errors; those of shared parameters and of noises.
 
-Those of the parameters of one series are in `parameter_marginals`.
+Errors are how far results move between the rules and the coarse ones inside them, eq. (7) of
+``docs/theory/posterior.md``; an unknown noise has its law given the sum of squares, averaged over the
+posterior of that sum, eq. (11). The marginals of the parameters of one series are in `parameter_marginals`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis, quantiles
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]  # of a level: mean and standard deviation
@@ -24,6 +27,16 @@ Cdf = Callable[[Array, int], Array]  # of thresholds (n,) and a number of levels
 
 OUTER = -1  # in the place of a series: values at the outer nodes
 _TINY = 1e-300
+_AT_ONCE = 256  # thresholds of a distribution function
+# places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
+_NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
+_DENSITY = np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
+_BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousandth of the probability
+_NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
+_ORDER = 24  # of the rules in the logarithm of sigma
+_WIDTH = 3.0  # of their panels, in sd of the law given the sum of squares: exact to rounding
+_FALL = 40.0  # of the log density beyond which that law is not followed
+_FEWEST, _MOST = 16, 96  # nodes for functions of a sum of squares
 
 
 @dataclass(frozen=True)
@@ -64,10 +77,37 @@ class Marginal:
         """Probability above a value."""
         return float(1.0 - self.cdf(np.array([value]), 1)[0, 0])
 
+    def below(self, value: Array) -> Array:
+        """Probability below values (n,), which may lie outside the support."""
+        found = np.where(value >= self.high, 1.0, 0.0)
+        inside = (value > self.low) & (value < self.high)
+        if inside.any():
+            parts = np.array_split(value[inside], 1 + value.size // _AT_ONCE)
+            found[inside] = np.clip(np.concatenate([self.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
+        return found
+
+    def quantiles(self, p: Array, tolerance: float) -> Array:
+        """Where the distribution function takes the values p; an open end is cut 1e6 sd above the mean."""
+        mean, sd = self.moments(0)
+        high = self.high if math.isfinite(self.high) else mean + 1e6 * sd
+        return quantiles(lambda t: self.cdf(t, 1)[0], p, self.low, high, mean, sd, 1e-3 * tolerance)
+
+    def at_levels(self, tolerance: float) -> Array:
+        """Quantiles at `LEVELS`, worked out once."""
+        if tolerance not in self._known_quantiles:
+            self._known_quantiles[tolerance] = self.quantiles(np.array(LEVELS), tolerance)
+        return self._known_quantiles[tolerance]
+
     @cached_property
-    def known_quantiles(self) -> dict[float, tuple[Array, Array]]:
-        """Quantiles at `LEVELS` and the densities there, by the accuracy that they were asked with."""
+    def _known_quantiles(self) -> dict[float, Array]:
         return {}
+
+    def density(self, at: Array) -> Array:
+        """Density at values (n,), as the slope of the distribution function about them."""
+        step = 0.02 * self.moments(0)[1]
+        around = np.clip(np.stack((at - step, at + step)), self.low, self.high)
+        below = self.cdf(around.reshape(-1), 1)[0].reshape(around.shape)
+        return np.asarray((below[1] - below[0]) / (around[1] - around[0]))
 
 
 def moments_of(expectation: Callable[[Callable[[Array], Array]], Array]) -> Moments:
@@ -158,3 +198,152 @@ def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array], ...])
             mean = density.grids[number].expectation(*of_series)[0]
         found = found * mean
     return found
+
+
+def largest_error(marginals: Mapping[str, Marginal], tolerance: float, *, is_last: bool) -> float:
+    """Largest change of any result between the rules and the coarse ones inside them, in sd.
+
+    A quantile changes by the change of the distribution function there over the density. Both are taken
+    where a normal law has its quantiles, and the density as no less than half of that law's.
+
+    Parameters
+    ----------
+    marginals : mapping
+    tolerance : float
+    is_last : bool
+        Whether it is the error that is reported. Before that, quantiles are left out where means or standard
+        deviations move by more than the tolerance already.
+    """
+    worst = 0.0
+    for own in marginals.values():
+        mean, sd = own.moments(0)
+        if sd == 0.0:
+            continue
+        coarse_mean, coarse_sd = own.moments(1)
+        changes = [abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd]
+        worst = max(worst, *(change if math.isfinite(change) else math.inf for change in changes))
+    if worst > tolerance and not is_last:  # the rest would be no use yet
+        return worst
+    for own in marginals.values():
+        mean, sd = own.moments(0)
+        if sd == 0.0:
+            continue
+        change, normal = math.inf, False
+        if own.kinks is None:
+            change, normal = _quantile_error_if_normal(own, mean, sd)
+        # the integrand may have kinks or steps at the quantiles themselves
+        if change > tolerance or not normal:
+            change = _quantile_error(own, sd, tolerance)
+        worst = max(worst, change if math.isfinite(change) else math.inf)
+    return worst
+
+
+def _quantile_error_if_normal(own: Marginal, mean: float, sd: float) -> tuple[float, bool]:
+    """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
+    at = np.clip(mean + sd * _NORMAL, own.low, own.high)
+    fine, coarse = own.cdf(at, 2)
+    change = float((np.abs(coarse - fine) / (0.5 * _DENSITY)).max())
+    return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
+
+
+def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:
+    """Largest change of the quantiles, in sd, with the density there."""
+    # where panels are refined for the quantiles themselves, a place beside them says nothing
+    accuracy = tolerance if own.kinks is not None or own.errors is not None else _BESIDE
+    at = own.at_levels(accuracy)
+    fine, coarse = own.cdf(at, 2)
+    return float((np.abs(coarse - fine) / np.maximum(own.density(at), 1e-4 / sd)).max()) / sd
+
+
+def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> list[PanelErrors]:
+    """Errors of panels that only distribution functions show, in sd of the quantiles that people ask for."""
+    found: list[PanelErrors] = []
+    for own in marginals.values():
+        sd = own.moments(0)[1]
+        if own.errors is not None and sd > 0.0:
+            at = own.at_levels(tolerance)
+            found += own.errors(at, 1.0 / np.maximum(own.density(at) * sd, 1e-4))
+    return found
+
+
+def noise_over_squares(
+    own: NoiseScale, square: Array, weight: Array, negligible: float, name: str
+) -> Marginal:
+    """The unknown sigma of a group, where a discrete law of its sum of squares is known.
+
+    Parameters
+    ----------
+    own : NoiseScale
+        The law of sigma given the sum of squares.
+    square : ndarray, (m,)
+    weight : ndarray, (2, m)
+        Probability of each, at both levels.
+    negligible : float
+        Probability of sums of squares that are left out.
+    name : str
+    """
+    square, weight = _compressed(square, weight, own.n, negligible)
+    axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
+    nodes = axis.nodes()
+    density = weight @ own.density(nodes, square[:, None])
+    sigma, rule = np.exp(nodes), axis.weights()[0]
+    panels = PanelCdf.of(axis, density)
+
+    @cache
+    def moments(level: int) -> tuple[float, float]:
+        probability = rule * density[level]
+        mean = float(probability @ sigma)
+        return mean, math.sqrt(max(float(probability @ (sigma - mean) ** 2), 0.0))
+
+    def cdf(t: Array, levels: int) -> Array:
+        return panels.below_in_all(np.log(np.maximum(t, 1e-300)), levels)
+
+    return Marginal(name, own.lower, own.upper, moments, cdf)
+
+
+def _edges(own: NoiseScale, least: float, most: float) -> Array:
+    """Edges in the logarithm of sigma, about the laws given sums of squares from the least to the most."""
+    low, high = math.log(own.lower), math.log(own.upper)
+    # without bounds the log density is -n s - square/2 exp(-2 s)
+    modes = [0.5 * math.log(max(square, 1e-300) / own.n) for square in (least, most)]
+    inside = [min(max(mode, low), high) for mode in modes]
+    r = 2.0 * _FALL / own.n
+    start = max(inside[0] - 0.5 * math.log1p(r + math.sqrt(r * (r + 2.0))), low)
+    end = min(inside[1] + _FALL / own.n + 0.5, high)
+    width = _WIDTH / math.sqrt(2.0 * own.n)
+    edges = np.linspace(start, end, 2 + int((end - start) / width))
+    # a bound that cuts the law off leaves it steep there
+    growing = 2.0 ** np.arange(60)
+    if modes[0] < low:
+        edges = np.concatenate((edges, low + _WIDTH / own.n * growing))
+    if modes[1] > high:
+        edges = np.concatenate((edges, high - _WIDTH * own.upper**2 / most * growing))
+    return edges[(edges >= start) & (edges <= end)]
+
+
+def _compressed(square: Array, weight: Array, n: int, negligible: float) -> tuple[Array, Array]:
+    """A discrete law of sums of squares, probabilities (2, m), with the same moments on a few nodes.
+
+    What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
+    out over interpolation nodes, exactly for polynomials. Nodes that hold no more than `negligible` all
+    together are left out.
+    """
+    kept = np.abs(weight[0]) > negligible / weight.shape[1]
+    log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[:, kept]
+    low, high = float(log_q.min()), float(log_q.max())
+    if high - low < 1e-9:
+        return np.exp(np.array([low])), weight.sum(axis=1, keepdims=True)
+    # the law given a sum of squares has the sd sqrt(2/n) in its logarithm
+    count = min(_FEWEST + int(4.0 * (high - low) / math.sqrt(2.0 / n)), _MOST)
+    y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
+    # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
+    sums = np.empty((2, count))
+    before, now, twice = np.ones_like(y), y, 2.0 * y
+    sums[:, 0] = weight.sum(axis=1)
+    for j in range(1, count):
+        sums[:, j] = weight @ now
+        before, now = now, twice * now - before
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    sums[:, 1:] *= 2.0
+    at = np.cos(np.arange(count)[:, None] * angle) / count
+    return np.exp(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)), sums @ at

@@ -17,7 +17,7 @@ from ifrfit.inference.posterior.constants_density import Coordinates
 Array = NDArray[np.float64]
 
 _TINY = 1e-300
-_AT_ONCE = 8192  # points whose arrays stay in the cache
+_AT_ONCE = 65_536  # points at once
 # Generating vector of an extensible lattice in base 2, order-2 weights, up to 2^20 points: Cools, Kuo &
 # Nuyens (2006), SIAM J. Sci. Comput. 28, 2162
 _GENERATOR = np.array(
@@ -257,8 +257,8 @@ class MixtureProposal:
         found = np.empty((n * m, d))
         found[:, :k] = np.repeat(given, m, axis=0)
         outer = np.repeat(np.arange(n), m)
-        laws = [(self._parent(parent), law) for _, parent, law in self._laws]
-        for number, (parent, law) in enumerate((*laws, (0, Uniform()))):
+        laws: list[tuple[int, Component | Uniform]] = [(self._parent(of), law) for _, of, law in self._laws]
+        for number, (parent, law) in enumerate([*laws, (0, Uniform())]):
             rows = np.flatnonzero(chosen == number)
             if rows.size:
                 z = np.empty((rows.size, d))
@@ -277,10 +277,8 @@ class MixtureProposal:
         shares, z_given = self._of_given(at[:, 0, :k])
         flat = at.reshape(n * m, d)
         ends = [self.domain.ends(j, flat) for j in range(k, d)]
-        flat_density = np.ones(n * m)
-        for low, high in ends:
-            flat_density /= np.maximum(high - low, _TINY)
-        total = np.repeat(shares[:, -1], m) * flat_density
+        width = np.prod([np.maximum(high - low, _TINY) for low, high in ends], axis=0)
+        total = np.repeat(shares[:, -1], m) / width
         for number, (_, parent, law) in enumerate(self._laws):
             z = np.empty((n * m, d))
             z[:, :k] = np.repeat(z_given[self._parent(parent)], m, axis=0)

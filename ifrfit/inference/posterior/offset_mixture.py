@@ -8,6 +8,7 @@ whole line it converges faster than any power of the step where the integrand is
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,10 +131,11 @@ def _is_smooth(weights: Array, components: tuple[QuadraturePosterior, ...]) -> b
     return True
 
 
+@dataclass(frozen=True)
 class _Nodes:
     """Posteriors at offsets that are equally spaced in x, the normal score of a law of the offset.
 
-    Parameters
+    Attributes
     ----------
     problem : Problem
     prior : FreeParameter
@@ -145,23 +147,13 @@ class _Nodes:
         The optimum, over the offset as well.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        prior: FreeParameter,
-        law: TruncatedNormal,
-        tolerance: float,
-        start: LeastSquaresFit,
-    ) -> None:
-        self.problem, self.prior, self.law, self.tolerance = problem, prior, law, tolerance
-        self._start = start
-        # only a search needs a place to begin
-        self._near = None if problem.closure.bilinear else start.optimum.theta
-        self._log_mass = math.log(
-            special.ndtr((law.upper - law.center) / law.sd) - special.ndtr((law.lower - law.center) / law.sd)
-        )
-        self._evaluated: dict[float, tuple[float, LeastSquaresFit]] = {}
-        self._posteriors: dict[float, QuadraturePosterior] = {}
+    problem: Problem
+    prior: FreeParameter
+    law: TruncatedNormal
+    tolerance: float
+    start: LeastSquaresFit
+    _evaluated: dict[float, tuple[float, LeastSquaresFit]] = field(default_factory=dict)
+    _posteriors: dict[float, QuadraturePosterior] = field(default_factory=dict)
 
     def offset_at(self, x: float) -> float:
         """The offset, degrees, at a normal score."""
@@ -172,11 +164,16 @@ class _Nodes:
         if x not in self._evaluated:
             offset = self.offset_at(x)
             problem = self.problem.at_offset(offset)
-            fit = refit(problem, self._start.sigma, self._near)
+            # only a search needs a place to begin
+            near = None if problem.closure.bilinear else self.start.optimum.theta
+            fit = refit(problem, self.start.sigma, near)
             evidence, _ = evidence_of_constants(problem, self.tolerance, fit)
-            score = (offset - self.law.center) / self.law.sd
+            low, score, high = (
+                (end - self.law.center) / self.law.sd for end in (self.law.lower, offset, self.law.upper)
+            )
             # of the offset by x: ratio of the normal density and of that of the law
-            log_slope = 0.5 * (score**2 - x**2) + math.log(self.law.sd) + self._log_mass
+            mass = special.ndtr(high) - special.ndtr(low)
+            log_slope = 0.5 * (score**2 - x**2) + math.log(self.law.sd) + math.log(mass)
             self._evaluated[x] = evidence + float(self.prior.log_prior(np.array(offset))) + log_slope, fit
         return self._evaluated[x]
 

@@ -1,27 +1,31 @@
-"""Marginals of the parameters of one series, of kappa, and of the transition."""
+"""Marginals of the parameters of one series, of kappa, and of the transition.
+
+A quantity that rises with the closure constant at every node is below t where c is below a threshold, which
+differs from node to node: its distribution function is the mean of the conditional ones of c, eq. (9) of
+``docs/theory/posterior.md``. Of one that falls, it is the mean of their complements.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
 from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.transition_roles import ClosureConstantFree, RestitutionFree, sticking_bound
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
+from ifrfit.inference.posterior.series_integral import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
-
+Index = NDArray[np.intp]
 Errors = Callable[[Array, Array], list[PanelErrors]]
 
 _TINY = 1e-300
+_AT_ONCE = 20_000  # nodes times thresholds looked at together: their arrays stay in the cache
 
 
 def series_marginal(density: JointDensity, number: int, kind: str, parameter: FreeParameter) -> Marginal:
@@ -38,61 +42,46 @@ def series_marginal(density: JointDensity, number: int, kind: str, parameter: Fr
     """
     grid = density.grids[number]
     nodes = grid.nodes
-    make, values = {
-        "e_n": (_e_n, nodes.e_n[..., None]),
-        "c": (_c, nodes.c),
-        "mu": (_mu, nodes.mu),
-    }[kind]
-    made = make(density, grid, parameter)
-    return replace(made, factors=((number, values),))
+    errors: Errors | None = None
+    if kind == "e_n":
+        values, cdf = nodes.e_n[..., None], _e_n(density, grid)
+    elif kind == "mu":
+        values, (cdf, errors) = nodes.mu, _friction(density, grid, 1.0 + nodes.e_n)
+    else:
+        values, (cdf, errors) = nodes.c, _c(density, grid)
+    moments, factors = _moments(density, grid, values), ((number, values),)
+    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, factors, errors=errors)
 
 
 def _moments(density: JointDensity, grid: DensityGrid, values: Array) -> Moments:
     return moments_of(lambda of: (density.share * grid.expectation(of(values))).sum(axis=1))
 
 
-def _e_n(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    series = grid.series
-    moments = _moments(density, grid, grid.nodes.e_n[..., None])
-    if series.e_axis is None:  # e_n = x b/mu - 1
-        mu = grid.nodes.mu[..., 0]
-        b = _bound(grid)
-        below = grid.x_cdf(density.share)
-
-        def cdf(t: Array, levels: int) -> Array:
-            return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
-
-        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
-    rows = PanelCdf.of_levels(series.e_axis, grid.e_density(density.share))
-    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, rows.below_in_all)
+def _e_n(density: JointDensity, grid: DensityGrid) -> Cdf:
+    """Distribution function of e_n."""
+    if grid.series.e_axis is not None:
+        return PanelCdf.of_levels(grid.series.e_axis, grid.e_density(density.share)).below_in_all
+    mu, b, below = grid.nodes.mu[..., 0], _bound(grid), grid.x_cdf(density.share)  # e_n = x b/mu - 1
+    return lambda t, levels: below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
 
-def _c(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    moments = _moments(density, grid, grid.nodes.c)
-    # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
-    if isinstance(grid.series.role, ClosureConstantFree):
-        kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
-        below = grid.x_cdf(density.share)
-        k = grid.series.squares.coefficients
+def _c(density: JointDensity, grid: DensityGrid) -> tuple[Cdf, Errors | None]:
+    """Distribution function of the closure constant, and the errors of panels over which it is averaged."""
+    if not isinstance(grid.series.role, ClosureConstantFree):
+        by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
+        return by_c.probability, _errors_by_c(density, grid, by_c)
+    kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
+    below = grid.x_cdf(density.share)
+    k = grid.series.squares.coefficients
 
-        def cdf(t: Array, levels: int) -> Array:
-            b = np.asarray(sticking_bound(k, t[:, None, None]))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
+    def cdf(t: Array, levels: int) -> Array:
+        # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
+        b = np.asarray(sticking_bound(k, t[:, None, None]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.where(b > 0.0, kappa / b, np.inf)
+        return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
 
-        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
-    by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
-    errors = _errors_by_c(density, grid, by_c)
-    return Marginal(
-        parameter.name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors
-    )
-
-
-def _mu(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
-    cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
-    moments = _moments(density, grid, grid.nodes.mu)
-    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
+    return cdf, None
 
 
 def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, Errors]:
@@ -184,8 +173,8 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
     low, high = (mu * (1.0 + e_n) for mu, e_n in zip(mu_ends, e_ends, strict=True))
     if isinstance(series.role, ClosureConstantFree) and isinstance(series.e_n, FreeParameter):
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
-        e_n = _e_n(density, grid, series.e_n)
-        return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
+        below = _e_n(density, grid)
+        return Marginal(name, low, high, moments, lambda t, levels: below(t / mu - 1.0, levels))
     cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
     return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)
 
@@ -252,3 +241,89 @@ def transition_marginal(density: JointDensity, number: int) -> Marginal:
     if ends[0] > ends[1]:  # kappa/bound(c) rises with c
         return Marginal("tau", 0.0, 1.0, moments, up_to)
     return Marginal("tau", 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))
+
+
+class ConditionalCdf:
+    """Posterior probability of a closure constant below threshold(t, own), by t.
+
+    Parameters
+    ----------
+    grid : DensityGrid
+        Of a series that integrates over its closure constant.
+    share : ndarray, (2, m)
+        Probabilities of the outer nodes.
+    own : ndarray, (m, n_e, n_x), broadcastable
+        What the threshold depends on at each node.
+    threshold : callable
+        From t (n, 1) and `own` at some nodes (k,) to closure constants, (n, k), broadcastable.
+    falls : bool
+        Whether the quantity falls as c rises: then it is below t where c is above the threshold.
+    """
+
+    def __init__(
+        self,
+        grid: DensityGrid,
+        share: Array,
+        own: Array,
+        threshold: Callable[[Array, Array], Array],
+        *,
+        falls: bool = False,
+    ) -> None:
+        integrals = grid.two_sided
+        shape = np.broadcast_shapes(grid.f.shape[:3], own.shape)
+        weight = grid.factor * grid.weight * grid.outer(share)
+        alone = tuple(1 + axis for axis, n in enumerate(shape) if n == 1)
+        weight = weight.sum(axis=alone, keepdims=True).reshape(2, -1)
+        density = np.arange(integrals.place.size).reshape(grid.f.shape[:3])
+        node = integrals.place[np.broadcast_to(density, shape).reshape(-1)]
+        mass = np.where(node >= 0, np.abs(weight).max(axis=0) * integrals.total[0].sum(axis=0)[node], 0.0)
+        at = np.flatnonzero(mass > math.exp(-grid.series.tail) / mass.size)
+        self._integrals, self._threshold, self._shape = integrals, threshold, shape
+        self._falls = falls
+        self._at, self._node, self._weight = at, node[at], weight[:, at]
+        self._own = np.broadcast_to(own, shape).reshape(-1)[at]
+        whole = integrals.total.sum(axis=1)[:, self._node]
+        self._whole = np.maximum((self._weight * whole).sum(axis=1), 1e-300)
+
+    def probability(self, t: Array, levels: int) -> Array:
+        """At thresholds (n,), by the rules alone (1) or the coarse ones too (2), (levels, n)."""
+        found = np.zeros((levels, t.size))
+        if not t.size:
+            return found
+        few = max(1, _AT_ONCE // max(256, _AT_ONCE // t.size))
+        for first in range(0, t.size, few):
+            some = slice(first, first + few)
+            for part in self._parts(t.size):
+                below = self._below(t[some], part, levels)
+                for level in range(levels):
+                    found[level, some] += below[level] @ self._weight[level, part]
+        return np.asarray(found / self._whole[:levels, None])
+
+    def error_along_c(self, t: Array) -> Array:
+        """Change of the probability by the coarse rule along the closure constant alone, (n,)."""
+        found = np.zeros(t.size)
+        for part in self._parts(t.size):
+            below = self._below(t, part, 2)
+            found += (below[1] - below[0]) @ self._weight[0, part]
+        return np.asarray(np.abs(found) / self._whole[0])
+
+    def density_below(self, t: float) -> Array:
+        """Integral over what lies below a threshold at each (outer node, e_n, transition), by the rules."""
+        found = np.zeros(math.prod(self._shape))
+        for part in self._parts(1):
+            found[self._at[part]] = self._below(np.array([t]), part, 1)[0, 0]
+        return np.asarray(found.reshape(self._shape))
+
+    def _parts(self, thresholds: int) -> Iterator[slice]:
+        """Nodes, so many at once that their arrays stay in the cache."""
+        step = max(256, _AT_ONCE // thresholds)
+        yield from (slice(start, start + step) for start in range(0, self._at.size, step))
+
+    def _below(self, t: Array, part: slice, levels: int) -> Array:
+        """Integrals up to the thresholds at some nodes, (levels, n, k)."""
+        node = self._node[part]
+        c = np.broadcast_to(self._threshold(t[:, None], self._own[part]), (t.size, node.size))
+        below = self._integrals.below(c, node, levels)
+        if not self._falls:
+            return below
+        return np.asarray(self._integrals.total.sum(axis=1)[:levels, None, node] - below)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +13,6 @@ from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior.convergence import quantiles_of
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Marginal, covariance
@@ -24,7 +22,6 @@ from ifrfit.inference.posterior.sampling import draw
 Array = NDArray[np.float64]
 
 _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
-_AT_ONCE = 256  # thresholds of a distribution function
 _RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
@@ -91,10 +88,6 @@ class QuadraturePosterior:
         """Whether the last round halved the error: a single difference may miss what no node sees."""
         return len(self.errors) > 1 and self.errors[-1] <= 0.5 * self.errors[-2]
 
-    @cached_property
-    def _quantiles_at_levels(self) -> dict[str, Array]:
-        return {}
-
     def mean(self, name: str) -> float:
         """Posterior mean."""
         return self.marginals[name].moments(0)[0]
@@ -106,26 +99,17 @@ class QuadraturePosterior:
     def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior quantiles; p scalar or array, 0 to 1."""
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
-        known = self._quantiles_at_levels
         if quantity_of(name) == "transition_tau":
             found = self._transition(split_name(name)[1], wanted)
         elif bool(np.isin(wanted, LEVELS).all()):
-            if name not in known:
-                known[name] = quantiles_of(self.marginals[name], np.array(LEVELS), self.tolerance)
-            found = known[name][np.searchsorted(LEVELS, wanted)]
+            found = self.marginals[name].at_levels(self.tolerance)[np.searchsorted(LEVELS, wanted)]
         else:
-            found = quantiles_of(self.marginals[name], wanted, self.tolerance)
+            found = self.marginals[name].quantiles(wanted, self.tolerance)
         return float(found[0]) if np.ndim(p) == 0 else found
 
     def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior probability below a value."""
-        at = np.atleast_1d(np.asarray(value, dtype=float))
-        own = self.marginals[name]
-        found = np.where(at <= own.low, 0.0, np.where(at >= own.high, 1.0, 0.0))
-        inside = (at > own.low) & (at < own.high)
-        if inside.any():
-            parts = np.array_split(at[inside], 1 + at.size // _AT_ONCE)
-            found[inside] = np.clip(np.concatenate([own.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
+        found = self.marginals[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
         return float(found[0]) if np.ndim(value) == 0 else found
 
     def covariance(self, names: Sequence[str]) -> Array:
@@ -139,7 +123,7 @@ class QuadraturePosterior:
         c = self.layout.parameters["c", block]
         if own.squares.law is not None or (own.is_unbounded and isinstance(c, FreeParameter)):
             scaled = transition_marginal(self.density, block)
-            share = quantiles_of(scaled, p, self.tolerance)
+            share = scaled.quantiles(p, self.tolerance)
             return np.asarray(own.unit * share / np.maximum(1.0 - share, _LAST_SHARE))
         b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))
         return np.asarray(self.quantile(self.layout.kappa_names[block], p)) / b

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -16,14 +19,13 @@ from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
 from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
-from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.noise_scale import NoiseScale
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis, rule
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+_STEPS = 32  # points to a panel at which distribution functions are tabled, beside its nodes
 
 
 def draw(
@@ -191,10 +193,90 @@ def _closure_constant(
 
 def _noise(grid: DensityGrid, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
     """One sigma of a noise group for each draw of the other parameters."""
-    squares, scale = grid.series.squares, (grid.series.noise or ())[group]
-    if not isinstance(scale, NoiseScale):
-        raise TypeError("this group has no unknown noise")
+    squares = grid.series.squares
     q = squares.quadratics(own["e_n"], own["x"])[group]
     square = q.at(own["c"] - squares.reference.c)
     square = square + squares.curved_of(group, own["e_n"], own["x"], own["c"], own["mu"])
-    return scale.draw(np.broadcast_to(square, own["e_n"].shape), rng)
+    return grid.series.noise_scale(group).draw(np.broadcast_to(square, own["e_n"].shape), rng)
+
+
+@cache
+def _grid(order: int) -> tuple[Array, Array, Index]:
+    """Points of a panel, the integrals' polynomials there, and the node at or before the end of each step."""
+    nodes = rule(order).nodes
+    points = np.union1d(np.linspace(0.0, 1.0, _STEPS + 1), nodes)
+    # the same node twice, but for rounding, makes no step
+    points = points[np.concatenate(([True], np.diff(points) > 1e-12))]
+    before = np.clip(np.searchsorted(nodes, points - 1e-9) - 1, 0, order - 1)
+    return points, np.asarray(chebyshev.chebvander(2.0 * points - 1.0, order + 1).T, dtype=float), before
+
+
+def table_points(order: int) -> Array:
+    """Points of a panel at which distribution functions are tabled, on [0, 1]; its nodes are among them."""
+    return _grid(order)[0]
+
+
+@dataclass(frozen=True)
+class InverseCdfTable:
+    """Distribution functions, one a row, at the points of all panels.
+
+    Attributes
+    ----------
+    below : ndarray, (rows, points)
+        Ascending from 0 to 1.
+    order : int
+        Of the panels.
+    """
+
+    below: Array
+    order: int
+
+    @classmethod
+    def of(cls, panels: PanelCdf) -> InverseCdfTable:
+        """Of all rows of panels."""
+        order = panels.axis.order
+        below = panels.cumulative[:, :-1, None] + panels.coefficients @ _grid(order)[1]
+        below = np.maximum.accumulate(below.reshape(below.shape[0], -1), axis=1)
+        below = np.maximum(below, 0.0) / np.maximum(below[:, -1:], 1e-300)
+        below[:, -1] = 1.0
+        return cls(below, order)
+
+    def inverse(self, row: Index, p: Array, places: Array) -> tuple[Array, Index]:
+        """Where the distribution function of a row takes the value p.
+
+        Parameters
+        ----------
+        row : ndarray of int, (n,)
+        p : ndarray, (n,)
+        places : ndarray, (rows or 1, points)
+            The quantity at the points.
+
+        Returns
+        -------
+        values : ndarray, (n,)
+        before : ndarray of int, (n,)
+            The last node before each value, counted along all panels.
+        """
+        rows, points = self.below.shape
+        own: Index = row if rows > 1 else np.zeros(1, dtype=np.intp)
+        flat = self.below.reshape(-1)
+        # all rows one above the other; a step has a point before it
+        one_above_the_other = (self.below + 2.0 * np.arange(rows)[:, None]).reshape(-1)
+        right = np.searchsorted(one_above_the_other, p + 2.0 * own)
+        right = np.clip(right, own * points + 1, (own + 1) * points - 1)
+        a, b = flat[right - 1], flat[right]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(b > a, np.clip((p - a) / (b - a), 0.0, 1.0), 0.5)
+        point = right - own * points
+        if places.shape[0] > 1:
+            places, at = places.reshape(-1), right
+        else:
+            places, at = places[0], point
+        left = places[at - 1]
+        return left + share * (places[at] - left), self._nodes()[point]
+
+    def _nodes(self) -> Index:
+        """The last node before the end of each step, along all panels."""
+        before = _grid(self.order)[2]
+        panels = self.below.shape[1] // before.size
+        return np.asarray((np.arange(panels)[:, None] * (self.order + 1) + before).reshape(-1))

@@ -1,11 +1,12 @@
 """Sums of squared residuals of one set of constants, at many constants at once.
 
 Sorted by tau, the rows that stick at a given transition are the first ones. Prefix and suffix sums of the
-products of four columns (residual at a reference, value there, and the derivatives by the closure constant
-and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
-quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
-are evaluated as they stand; under a law that is not bilinear that is every oblique row. There, and where no
-row is oblique, kappa itself is the transition's coordinate. Eq. (4) of ``docs/theory/posterior.md``.
+products of four columns (residual at a reference, value there, and the derivatives of the value by the
+closure constant and by kappa) give the sum of squares at any constants from sixteen numbers, however many
+rows there are: a quadratic in the closure constant, given e_n and the transition. Rows that are not linear
+in the impulse are evaluated as they stand; under a law that is not bilinear that is every oblique row. There,
+and where no row is oblique, kappa itself is the transition's coordinate. Eq. (4) of
+``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
-from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients, Law
 from ifrfit.physics.observable import scale_factor
@@ -28,9 +28,55 @@ from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
+PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]  # of columns, in the order of the products
 _BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
 _MANY = 10_000_000  # values of curved rows from which it pays to look for a polynomial
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Sum of squares C - 2 B d + A d^2 in d = c - reference."""
+
+    square: Array
+    slope: Array
+    curvature: Array
+
+    def at(self, d: Array | float) -> Array:
+        """The sum of squares."""
+        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
+
+
+@dataclass(frozen=True)
+class PrefixSums:
+    """Tangential rows of one noise group and one scale: the ten products by number of sticking rows."""
+
+    scale: str
+    tau: Array
+    products: Array  # (10, n + 1)
+
+
+def with_c_axis(value: Array) -> Array:
+    """The value with an axis for the closure constant; a number as it is."""
+    return value[..., None] if np.ndim(value) else value
+
+
+def expand(
+    sums: PrefixSums, e_n: Array, x: Array, d_kappa: Array, h: Array | None, reference_e_n: float
+) -> Quadratic:
+    """The quadratic in d: with v = v0 + d v1 in the four columns, v0'Gv0, -v0'Gv1 and v1'Gv1."""
+    which = np.searchsorted(sums.tau, x, side="right")
+    rr, rm, rp, rq, mm, mp, mq, pp, pq, qq = sums.products[:, which]
+    factor = scale_factor(sums.scale, e_n)
+    shift = factor - scale_factor(sums.scale, np.asarray(reference_e_n))
+    y = factor * d_kappa
+    square = rr - 2.0 * shift * rm + shift * shift * mm - y * (2.0 * (rq - shift * mq) - y * qq)
+    slope = factor * (rp - shift * mp - y * pq)
+    curvature = factor * factor * pp
+    if h is not None:
+        slope = slope + factor * h * (rq - shift * mq - y * qq)
+        curvature = curvature + factor * factor * h * (2.0 * pq + h * qq)
+    return Quadratic(square, slope, curvature)
 
 
 @dataclass(frozen=True)

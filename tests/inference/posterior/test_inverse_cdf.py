@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
-from ifrfit.inference.posterior.panel_cdf import PanelCdf
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
+from ifrfit.inference.posterior.sampling import InverseCdfTable, table_points
 
 
 def made(rows: int, order: int = 12) -> tuple[QuadratureAxis, PanelCdf, np.ndarray]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 from scipy import special
 
-from ifrfit.inference.posterior.noise_marginal import _ORDER, _compressed, _edges
+from ifrfit.inference.posterior.marginals import _ORDER, _compressed, _edges
 from ifrfit.inference.posterior.noise_scale import NoiseScale, _log_gamma_share
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 

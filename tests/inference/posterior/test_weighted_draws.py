@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrfit.inference.distributions.draws import Draws
-from ifrfit.inference.distributions.weighted_draws import WeightedDraws
+from ifrfit.inference.distributions.draws import Draws, WeightedDraws
 
 VALUES = np.array([3.0, 1.0, 2.0, 5.0])
 WEIGHTS = np.array([0.2, 0.5, 0.2, 0.1])

@@ -8,7 +8,7 @@ from scipy import stats
 
 import ifrfit
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
-from ifrfit.inference.distributions.truncated_normal import quantile
+from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.result.types import State
 
 GAMMA = np.linspace(4.0, 86.0, 34)
@@ -41,8 +41,12 @@ def test_correlated_draws_keep_mean_and_covariance():
 
 def test_a_far_tail_keeps_its_digits():
     # centre 50 sd below the bound: the cut law is exponential with rate 50
-    assert quantile(0.95, -50.0, 1.0, 0.0, np.inf) == pytest.approx(np.log(20.0) / 50.0, rel=1e-2)
-    assert quantile(0.05, 50.0, 1.0, -np.inf, 0.0) == pytest.approx(-np.log(20.0) / 50.0, rel=1e-2)
+    above, below = (
+        TruncatedNormal(0.0, -50.0, 1.0, 0.0, np.inf),
+        TruncatedNormal(0.0, 50.0, 1.0, -np.inf, 0.0),
+    )
+    assert above.quantile(0.95) == pytest.approx(np.log(20.0) / 50.0, rel=1e-2)
+    assert below.quantile(0.05) == pytest.approx(-np.log(20.0) / 50.0, rel=1e-2)
 
 
 def test_bands_hold_the_curve_and_widen_for_a_new_measurement(impacts):
