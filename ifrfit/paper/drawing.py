@@ -79,7 +79,7 @@ def _draw_data(axes: Axes, scene: Scene) -> None:
     if len(scene.regimes) == 1:
         shade(axes, scene.regimes[0], words=True)
     if scene.stand_in:
-        style.write_watermark(axes, "STAND-IN", size=30, height=0.42)
+        style.write_watermark(axes, size=30, height=0.42)
 
 
 def limits(scene: Scene) -> tuple[float, float]:

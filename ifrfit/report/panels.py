@@ -350,7 +350,7 @@ def _differs(x: Array) -> bool:
 def mark_stand_in(axes: Axes, rows: pd.DataFrame) -> None:
     """Write across a panel that its data are a stand-in, if they are."""
     if (rows["provenance"] == STAND_IN).any():
-        write_watermark(axes, "STAND-IN", size=34)
+        write_watermark(axes, size=34)
 
 
 def axis_label(observable: str) -> str:

@@ -207,13 +207,16 @@ def undetermined(result: FitResult) -> list[str]:
 
 def headline(result: FitResult) -> str:
     """What needs attention, in a line; empty if all is well."""
+    pooling = result.facts.get("pooling")
+    # where series do not share their constants no closure is to blame for a misfit of all
+    series_differ = pooling is not None and not pooling.ok
     failing = [
         name
         for name, fact in result.facts.items()
         if not fact.ok
         and not is_quiet(name, fact)
         and not (name == "predictive" and _covers_predictive(result))
-        and not (name == "lack_of_fit" and _series_differ(result))
+        and not (name == "lack_of_fit" and series_differ)
     ]
     open_constants = undetermined(result)
     phrases = [
@@ -225,11 +228,6 @@ def headline(result: FitResult) -> str:
         verb = "are" if len(open_constants) > 1 else "is"
         phrases.append(f"{joined(open_constants)} {verb} not determined")
     return "; ".join(phrases)
-
-
-def _series_differ(result: FitResult) -> bool:
-    """Whether series do not share their constants: then no closure is to blame for a misfit of all."""
-    return "pooling" in result.facts and not result.facts["pooling"].ok
 
 
 def _covers_predictive(result: FitResult) -> str:

@@ -83,12 +83,12 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def write_watermark(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:
-    """Write a word across a panel, behind everything that is drawn there."""
+def write_watermark(axes: Axes, *, size: float, height: float = 0.5) -> None:
+    """Write across a panel, behind everything that is drawn there, that its data are a stand-in."""
     axes.text(
         0.5,
         height,
-        word,
+        "STAND-IN",
         transform=axes.transAxes,
         ha="center",
         va="center",

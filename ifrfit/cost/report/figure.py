@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STAND_IN = "STAND-IN"
 WIDTH_MM = 110.0
 FRONT_LABEL = "Pareto front"
 ASIDE = "† asks another question: its distance from the posterior is no error of arithmetic"
@@ -85,7 +84,7 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         axes.set_ylabel(_Y_LABELS[kind])
         axes.margins(x=0.09, y=0.08)
         if is_stand_in(costs.fit):
-            style.write_watermark(axes, STAND_IN, size=26.0)
+            style.write_watermark(axes, size=26.0)
         figure.suptitle(title, fontsize=7.5, weight="bold" if is_stand_in(costs.fit) else "normal")
         figure.legend(
             loc="outside lower center", ncols=3, fontsize=6.6, handlelength=2.4, title_fontsize=6.4,
@@ -101,7 +100,7 @@ def _title(costs: Costs, kind: Kind) -> str:
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
     if is_stand_in(fit):
-        text = f"{STAND_IN} data. {text}"
+        text = f"STAND-IN data. {text}"
     return style.filled(text, WIDTH_MM)
 
 

@@ -95,7 +95,7 @@ def _draw_observable(
     axes: list[Axes], comparison: Comparison, observable: str, styles: dict[str, style.SeriesStyle]
 ) -> None:
     """Data and lines on top, under them a strip of standardised residuals for each closure."""
-    rows = _rows(comparison.best.points, observable)
+    rows = rows_of(comparison.best.points, observable)
     names = [str(name) for name in rows["series"].unique()]
     x, value = (rows[column].to_numpy(dtype=float) for column in ("gamma_deg", "value"))
     crowded = len(rows) > panels.CROWD
@@ -122,7 +122,7 @@ def _draw_observable(
     axes[0].set_ylim(*panels.value_limits(rows, drawn, x))
     axes[0].set_ylabel(panels.axis_label(observable))
     for strip, (name, entry) in zip(axes[1:], comparison.entries.items(), strict=True):
-        _draw_strip(strip, _rows(entry.fit.points, observable), title(name), styles[name], size)
+        _draw_strip(strip, rows_of(entry.fit.points, observable), title(name), styles[name], size)
     for upper in axes[:-1]:
         upper.tick_params(labelbottom=False)
     panels.set_x(axes[-1], x, panels.ANGLE)
@@ -214,7 +214,8 @@ def _legend(
     return entries
 
 
-def _rows(points: pd.DataFrame, observable: str) -> pd.DataFrame:
+def rows_of(points: pd.DataFrame, observable: str) -> pd.DataFrame:
+    """Those that are drawn over the angle."""
     return points[(points["observable"] == observable) & points["gamma_deg"].notna()]
 
 

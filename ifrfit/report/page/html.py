@@ -115,8 +115,4 @@ def _picture(picture: Any, alone: bool) -> Any:
     return Markup(inline(picture, alone=alone))
 
 
-def _files(report: Report, stem: str) -> dict[str, bytes]:
-    return {f"{stem}.html": render(report).encode("utf-8")}
-
-
-FORMAT = ReportFormat("html", _files)
+FORMAT = ReportFormat("html", lambda report, stem: {f"{stem}.html": render(report).encode("utf-8")})

@@ -11,7 +11,13 @@ import pandas as pd
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels
-from ifrfit.report.comparison.figure import LINEAR, evidence_limits, observables_over_angle, strip_limit
+from ifrfit.report.comparison.figure import (
+    LINEAR,
+    evidence_limits,
+    observables_over_angle,
+    rows_of,
+    strip_limit,
+)
 from ifrfit.report.comparison.text import CROSS_VALIDATION, criteria, cross_validated, findings, prior_line
 from ifrfit.report.figures import series_label
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
@@ -104,7 +110,7 @@ def _observable(
     comparison: Comparison, observable: str, styles: dict[str, SeriesStyle], left: float
 ) -> list[Panel]:
     """Data and curves, and under them a strip of standardised residuals for each closure."""
-    rows = _rows(comparison.best.points, observable)
+    rows = rows_of(comparison.best.points, observable)
     gamma, value, error = numbers(rows, "gamma_deg", "value", "sigma_used")
     crowded = len(rows) > panels.CROWD
     lines, drawn = _curves(comparison, observable, rows, styles, crowded)
@@ -128,7 +134,7 @@ def _observable(
     found, top = [Panel(left, TOP, inner, DATA, x, y, tuple(marks))], TOP + DATA + GAP
     names = list(comparison.entries)
     for name in names:
-        strip = _rows(comparison.entries[name].fit.points, observable)
+        strip = rows_of(comparison.entries[name].fit.points, observable)
         bottom = Axis(0.0, 90.0, panels.ANGLE, ticks=ANGLES, mirrored=True)
         found.append(
             _strip(strip, name, styles[name], size, (left, top, inner), bottom if name == names[-1] else x)
@@ -237,10 +243,6 @@ def _rows_of_legend(entries: Iterable[Entry], wide: float) -> tuple[tuple[Entry,
         rows[-1].append(entry)
         room += own
     return tuple(tuple(row) for row in rows)
-
-
-def _rows(points: pd.DataFrame, observable: str) -> pd.DataFrame:
-    return points[(points["observable"] == observable) & points["gamma_deg"].notna()]
 
 
 SECTION = ReportSection("closures", "Closures compared", build)
