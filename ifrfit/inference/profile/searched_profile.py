@@ -93,9 +93,7 @@ class SearchedProfile:
 
     @cached_property
     def _everywhere(self) -> Array:
-        """The optima of the fit; where there are several, places all over the domain as well."""
-        if len(self._optima) == 1:
-            return self._optima
+        """The optima of the fit, and places all over the domain: far values have valleys of their own."""
         return np.concatenate((self._optima, starts(self._misfit.problem)))
 
     def _sweep(self) -> None:
