@@ -67,6 +67,9 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
     found = [
         sized("angle-offset", raw, (0.5, 1.0, 2.0), " deg"),
         ("angle-offset", "angle-offset", sized("angle-offset", beta, (0.5, 1.0, 2.0), " deg")[2]),
+        sized("angle-scale", raw, (0.01, 0.02, 0.05)),
+        ("angle-scale", "angle-scale", sized("angle-scale", beta, (0.02, 0.05, 0.1))[2]),
+        sized("rebound-zero", Scene(("delta_deg", "e_n")), (0.5, 1.0, 2.0), " deg"),
         sized("camera-turn", raw, (0.25, 0.5, 1.0), " deg"),
         sized("speed-scale", raw, (0.01, 0.02, 0.05)),
         sized("scale-along-wall", raw, (0.01, 0.02, 0.05)),

@@ -111,8 +111,8 @@ FACTS = {
     "sticking, sliding, friction and restitution and of another inertia factor, which may be mistaken for "
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
-    "speaks most: of an offset of the angles, a turned camera, the scale of speeds, of lengths along the "
-    "wall and of spins, spin before that is not in the table, another inertia factor, a constant that "
+    "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
+    "along the wall and of spins, spin before that is not in the table, another inertia factor, a constant that "
     f"drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with another "
     "sign, with angles from the wall or in radians, percent, squares, sizes without sign, exchanged columns, "
     "spins in other units, centre for "

@@ -175,6 +175,7 @@ def test_the_option_that_is_named_mends_it(tmp_path, observable, gamma, value, o
         (Cause(), Flaw()),
         (Cause("camera-turn", 0.7), Flaw(turn=0.7)),
         (Cause("angle-offset", 1.3), Flaw(offset=1.3)),
+        (Cause("angle-scale", 0.04), Flaw(angle=0.04)),
         (Cause("speed-scale", 0.1), Flaw(speed=0.1)),
         (Cause("scale-along-wall", 0.07), Flaw(along=0.07)),
         (Cause("spin-scale", 0.1), Flaw(spin=0.1)),

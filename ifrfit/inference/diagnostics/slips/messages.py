@@ -20,23 +20,31 @@ _MOST_LINES = 12  # of a table with two kinds of reading
 _MUCH = 0.1  # share of the speeds beyond which their scale is seldom off
 _MOST_SERIES = 6  # that are named
 _LONGEST = 4  # rows that are named
-_SCALES = ("speed-scale", "scale-along-wall", "spin-scale")
+_SCALES = ("angle-scale", "speed-scale", "scale-along-wall", "spin-scale")
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
-    "angles": ("angle-offset", "camera-turn"),
-    "scales": _SCALES,
+    "angles": ("angle-offset", "angle-scale", "rebound-zero", "camera-turn"),
+    "scales": _SCALES[1:],
     "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll", "spin-zero"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
 _NEAR = 0.02  # of an inertia factor, from that of a known body
 # small flaws of the measurement
-FLAWS = ("angle-offset", "camera-turn", *_SCALES)
+FLAWS = ("angle-offset", "rebound-zero", "camera-turn", *_SCALES)
 # what is off, and what to do
 _SIZED = {
     "angle-offset": (
         "angles of incidence off by {opposite} degrees",
         "check the zero of the angle, or let it be fitted with --angle-offset {prior:.1f}",
+    ),
+    "rebound-zero": (
+        "angles of rebound off by {size} degrees",
+        "check the zero of the angle; take {slip.size:.2g} degrees off delta_deg",
+    ),
+    "angle-scale": (
+        "angles of incidence {percent} off in scale",
+        "check the scale of the angle",
     ),
     "camera-turn": (
         "a camera turned against the wall by {size} degrees",
@@ -71,6 +79,7 @@ _DRIFT = (
 )
 # what is divided by a scale to try it
 _SCALED = {
+    "angle-scale": "the angles of incidence",
     "speed-scale": "velocities after",
     "scale-along-wall": "those along it, before and after,",
     "spin-scale": "the spins",

@@ -19,6 +19,7 @@ _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
+_REBOUND = "delta_deg"  # the angle of rebound as it is read
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -33,6 +34,8 @@ class Flaw:
     ----------
     offset : float or ndarray
         Degrees by which the true angle of incidence exceeds the given one.
+    angle : float or ndarray
+        Share by which angles of incidence are read too large.
     turn : float or ndarray
         Degrees by which the camera is turned against the normal of the wall: the angle it reads before
         impact is larger by so much, the one after impact smaller.
@@ -52,6 +55,7 @@ class Flaw:
     """
 
     offset: Size = 0.0
+    angle: Size = 0.0
     turn: Size = 0.0
     speed: Size = 0.0
     along: Size = 0.0
@@ -121,7 +125,7 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
 def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
     """The impacts as they were, from what is given of them."""
     given = problem.rows.incidence
-    gamma = problem.rows.gamma_deg + flaw.offset - flaw.turn
+    gamma = (problem.rows.gamma_deg + flaw.offset - flaw.turn) / (1.0 + flaw.angle)
     if np.any(flaw.along):
         gamma = np.degrees(
             np.arctan2(np.sin(np.radians(gamma)), (1.0 + flaw.along) * np.cos(np.radians(gamma)))
@@ -232,7 +236,16 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         low, high = problem.offset_range
         offset = read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
         yield replace(offset, limits=(max(low, -10.0), min(high, 10.0)))
+        yield read("angle-scale", 0.5, 0.05, lambda x: Flaw(angle=x))
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
+    if _REBOUND in problem.rows.names:
+        on_rebound = (problem.rows.which == problem.rows.names.index(_REBOUND)).astype(float)
+        yield Nuisance(
+            "rebound-zero",
+            lambda theta, size: problem.predict(theta) + size[:, None] * on_rebound,
+            (-10.0, 10.0),
+            2.0,
+        )
     if "velocity" in measured or any(not each.numerator for each in oblique):
         yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
         if any(each.has_angle for each in oblique):
