@@ -112,8 +112,8 @@ FACTS = {
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
-    "along the wall and of spins, spin before that is not in the table, another inertia factor, a constant that "
-    f"drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with another "
+    "along the wall and of spins, spin before that is not in the table, another inertia factor, a constant "
+    f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with another "
     "sign, with angles from the wall or in radians, percent, squares, sizes without sign, exchanged columns, "
     "spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
