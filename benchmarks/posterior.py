@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 # first: it sets the number of threads
@@ -27,7 +27,7 @@ from _common import (
 
 # isort: split
 import numpy as np
-from posterior_goals import goals_of, said_of
+from posterior_goals import Row, goals_of, said_of
 from posterior_peers import NUTS_COLD, PEERS, Run, all_runs
 from posterior_reference import Reference, reference_of
 from posterior_scenes import TITLES, Scene, make_scene, scene_options
@@ -43,27 +43,6 @@ ONCE_S = 1.5
 SEEDS, SEEDS_SLOW = 9, 3
 TARGET = 1e-2
 PACKAGES = ("emcee", "dynesty", "ultranest", "numpyro", "jax")
-
-
-@dataclass(frozen=True)
-class Row:
-    """One method on one scene.
-
-    `time_s` of the exact kernel is from given least squares, `with_start_s` includes them. `stated` is the
-    error that the kernel itself reports. `spread` is the range of the errors over the seeds of a sampler.
-    """
-
-    scene: str
-    kind: str  # exact, fit, draws or sampler
-    method: str
-    time_s: float
-    with_start_s: float | None
-    error: float | None
-    stated: float | None = None
-    spread: str = ""
-    to_target_s: float | None = None
-    repeats: int = 1
-    note: str = ""
 
 
 def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:

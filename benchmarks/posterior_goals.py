@@ -1,15 +1,12 @@
-"""Goals of the posterior benchmark, held against what was measured."""
+"""What the posterior benchmark measured, held against its goals."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from _common import verdict
 from posterior_peers import EMCEE
-
-if TYPE_CHECKING:
-    from posterior import Row
 
 KERNEL = {"i": (1e-3, 2e-3), "ii": (1e-3, 5e-3), "v": (1e-3, 1.0)}  # error, seconds
 AHEAD = {"i", "ii", "iii", "iv"}
@@ -18,6 +15,27 @@ DRAWS_S = 0.05
 FIT_TIMES = 30.0
 
 Goal = tuple[str, bool | None]  # None: a figure beside the goals, not one of them
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one scene.
+
+    `time_s` of the exact kernel is from given least squares, `with_start_s` includes them. `stated` is the
+    error that the kernel itself reports. `spread` is the range of the errors over the seeds of a sampler.
+    """
+
+    scene: str
+    kind: str  # exact, fit, draws or sampler
+    method: str
+    time_s: float
+    with_start_s: float | None
+    error: float | None
+    stated: float | None = None
+    spread: str = ""
+    to_target_s: float | None = None
+    repeats: int = 1
+    note: str = ""
 
 
 def goals_of(rows: Sequence[Row]) -> list[Goal]:

@@ -27,15 +27,15 @@ class Renderer(Protocol):
         """An HTML fragment for notebooks; what comes from data is escaped."""
 
 
-def appraisal_of(result: Any) -> Any:
-    """The `Appraisal` of a fit, for its report; see `ifrfit.inference.appraise`, which knows all methods."""
-    return import_module("ifrfit.inference.appraise").appraise(result)
-
-
 class Display:
-    """Text, figure and notebook table of a result, drawn by the package that `drawn_by` names."""
+    """Text, figure and notebook table of a result, drawn by the package that `drawn_by` names.
+
+    What a report shows beyond the result itself is worked out by the module that `appraised_by` names, by its
+    function ``appraise``; empty where there is nothing beyond it.
+    """
 
     drawn_by: ClassVar[str]
+    appraised_by: ClassVar[str] = ""
 
     def summary(self) -> str:
         """The result as text for a terminal, at most 100 columns."""
@@ -50,3 +50,6 @@ class Display:
 
     def _renderer(self) -> Renderer:
         return cast("Renderer", import_module(self.drawn_by))
+
+    def _appraisal(self) -> Any:
+        return import_module(self.appraised_by).appraise(self)

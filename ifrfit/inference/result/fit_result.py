@@ -14,7 +14,7 @@ from ifrfit.inference.io.arviz import to_arviz
 from ifrfit.inference.io.json_text import write_json
 from ifrfit.inference.io.lmfit import minimizer_result
 from ifrfit.inference.io.write_result import to_dict
-from ifrfit.inference.result.display import Display, Renderer, appraisal_of
+from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.findings import Findings
 from ifrfit.inference.result.prediction import draw, predict
 
@@ -43,6 +43,7 @@ class FitResult(Findings, Display):
     """
 
     drawn_by: ClassVar[str] = "ifrfit.report"
+    appraised_by: ClassVar[str] = "ifrfit.inference.appraise"
 
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
         """Draw constants from the estimator's distribution.
@@ -205,7 +206,7 @@ class FitResult(Findings, Display):
         """
         renderer, path = self._renderer(), Path(path)
         renderer.check_report(path)
-        renderer.write_report(self, appraisal_of(self), path)
+        renderer.write_report(self, self._appraisal(), path)
 
     def _renderer(self) -> FitRenderer:
         return cast("FitRenderer", super()._renderer())
