@@ -12,6 +12,7 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.lack_of_fit import chi2_of_given, lack_of_fit
 from ifrfit.inference.diagnostics.residuals import Residuals, outliers, residuals_of
+from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
@@ -43,7 +44,7 @@ def scatter_too_large(
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
     there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
-    rest (to a factor of 0.6).
+    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def scatter_too_large(
         return None
     left = residuals_of(scattered, again)
     p = lack_of_fit(scattered, again, left, remedy=False).figures["p"]
-    if p is None or p < _EVEN or not outliers(scattered, again, left).ok or not _is_even(left):
+    if p is None or p < _EVEN or not _are_of_one_kind(scattered, again, left):
         return None
     factor = math.sqrt(sum(each[0] for each in wide.values()) / sum(each[1] for each in wide.values()))
     which = "the values" if of_all else f"the values of {joined(list(wide))}"
@@ -85,6 +86,14 @@ def scatter_too_large(
     )
     figures = {"p": lack.figures["p"], "chi2": chi2, "dof": dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)
+
+
+def _are_of_one_kind(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> bool:
+    """Whether no rows are apart from the others: at an even noise, or at one that changes with the angle."""
+    if outliers(problem, fit, residuals).ok and _is_even(residuals):
+        return True
+    uneven = scatter_by_angle(problem, fit, residuals)
+    return uneven is not None and uneven.outliers.ok
 
 
 def _is_even(residuals: Residuals) -> bool:

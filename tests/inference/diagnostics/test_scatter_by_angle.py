@@ -40,12 +40,15 @@ def test_it_is_named(tmp_path, shape, seeds):
         facts = fitted(tmp_path, readings(seed, 8.0, shape)).facts
         assert "truncation" not in facts or "scatter_by_angle" in facts  # both, where they explain as much
         assert "mixture" not in facts
+        if "growing_scatter" in facts and shape == "normal":  # so do errors of velocities scatter
+            named += 1
+            continue
         if "scatter_by_angle" not in facts:
             continue
         named += 1
         assert facts["outliers"].ok
         assert "the scatter of beta changes with the angle of incidence: " in facts["scatter_by_angle"].says
-    assert named >= (0.4 if shape == "normal" else 0.6) * seeds  # there some are called errors of velocities
+    assert named >= 0.6 * seeds
 
 
 def test_the_sizes_it_tells_are_those_of_the_errors_and_settle_it(tmp_path):

@@ -34,7 +34,7 @@ BY_SHARE = (
     "two kinds",
     "errors of the angles, noise 0.003",  # 19 of 20
     "errors of the angles, noise 0.03",  # 9 to 16 of 20
-    "noise that grows from 0 to 90 deg",
+    "noise that grows from 0 to 90 deg",  # 8 to 20 of 20
 )
 MIDDLE = [
     pytest.param(name, *cases[1 if cause.startswith(("angle-offset", "sign-")) else 2][:2], id=f"{i}-{cause}")
@@ -89,8 +89,8 @@ OF_ERRORS = ("independence", "mixture")
 @pytest.mark.long
 def test_power():
     """Of the largest size nine in ten are named; what large flaws of the errors look like is tested below."""
-    for _, name, cases in slips_study.powers():
-        if name not in OF_ERRORS:
+    for title, name, cases in slips_study.powers():
+        if name not in OF_ERRORS and title not in BY_SHARE:
             scene, cause, _ = cases[-1]
             found = slips_study.run(slips_study.Task(scene, cause, 2000, 10))
             assert sum(name in named for named, _ in found) >= 8, (name, found)
