@@ -34,6 +34,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
 _FEWEST = 8  # impacts below which no errors of angles are looked for
+_TREND = 0.01  # p of a lack of fit that is left, from which the law is not the reason
 _WIDEST = 10.0  # degrees beyond which it is no error of reading
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
 # what explains the residuals as well, in words
@@ -69,8 +70,8 @@ def angle_scatter(
     """Whether independent errors of the angles explain the scatter: one of each impact, all of one size.
 
     The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
-    counts where no lack of fit is left and nothing else explains more by `ALIKE`: a sigma that is too
-    small, a scatter that grows with the value or changes with the angle, slips and effects that were found,
+    counts where no lack of fit is left (p >= 0.01) and nothing else explains more by `ALIKE`: a sigma that is
+    too small, a scatter that grows with the value or changes with the angle, slips and effects that were found,
     impacts of two kinds. What explains as much is named beside it.
 
     Parameters
@@ -117,7 +118,7 @@ def angle_scatter(
             return None
         left = residuals_of(wide, again)
         trend = lack_of_fit(wide, again, left, remedy=False)
-        if not trend.ok:
+        if not trend.ok or (trend.figures["p"] or 1.0) < _TREND:
             return None
         without = at_theta.without(errors)
         places = suspicious_constants(wide, without.by_constant, without.left)

@@ -95,14 +95,14 @@ FACTS = {
     f"{ALIKE:g}; looked for where nothing else is found; outliers are those under such a noise",
     "angle_scatter": f"stands only where it fails: p < {REFUTED:g} of an error of one degree in the angle of "
     "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
-    "errors of the size of largest likelihood no lack of fit, slip, effect or series that differs is left; "
-    "a sigma that is too small, errors of velocities or in proportion to the value, outliers, impacts of "
-    f"two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
+    "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
+    "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, impacts "
+    f"of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
     f"where they take no {ALIKE:g} less",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
         "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.05), no "
-        "outlier, slip, effect or series that differs"
+        "outlier but under a noise that changes with the angle, no slip, effect or series that differs"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
