@@ -96,8 +96,8 @@ FACTS = {
     "angle_scatter": f"stands only where it fails: p < {REFUTED:g} of an error of one degree in the angle of "
     "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
     "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
-    "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, impacts "
-    f"of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
+    "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, "
+    f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
     f"where they take no {ALIKE:g} less",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
