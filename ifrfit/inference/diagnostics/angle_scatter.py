@@ -71,8 +71,8 @@ def angle_scatter(
 
     The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
     counts where no lack of fit is left (p >= 0.01) and nothing else explains more by `ALIKE`: a sigma that is
-    too small, a scatter that grows with the value or changes with the angle, slips and effects that were found,
-    impacts of two kinds. What explains as much is named beside it.
+    too small, a scatter that grows with the value or changes with the angle, slips and effects that were
+    found, impacts of two kinds. What explains as much is named beside it.
 
     Parameters
     ----------

@@ -97,8 +97,8 @@ FACTS = {
     "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
     "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
     "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, "
-    f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
-    f"where they take no {ALIKE:g} less",
+    f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named "
+    f"beside it where they take no {ALIKE:g} less",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
         "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.05), no "
