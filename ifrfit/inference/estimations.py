@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.diagnostics.nested_models import sharing
 from ifrfit.inference.diagnostics.optimum_facts import noise_converged
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
-from ifrfit.inference.diagnostics.wider_problems import sharing
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior import (

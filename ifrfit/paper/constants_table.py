@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import DataError, IfrfitError
-from ifrfit.inference.diagnostics.wider_problems import DECIDED, sharing
+from ifrfit.inference.diagnostics.nested_models import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import log_evidence

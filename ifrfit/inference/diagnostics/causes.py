@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ifrfit.inference.diagnostics.nested_models import Pooling, pooling
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, effect_scores, effects_fact
 from ifrfit.inference.diagnostics.slips.compared_fit import (
@@ -19,7 +20,6 @@ from ifrfit.inference.diagnostics.slips.evidence import tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
-from ifrfit.inference.diagnostics.wider_problems import Pooling, pooling
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit

@@ -16,6 +16,7 @@ from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.mixture import mixture
+from ifrfit.inference.diagnostics.nested_models import prior_conflict, unequal_noise
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
 from ifrfit.inference.diagnostics.quadratic_forms import Array
@@ -32,7 +33,6 @@ from ifrfit.inference.diagnostics.residuals import Residuals, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
-from ifrfit.inference.diagnostics.wider_problems import prior_conflict, unequal_noise
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact

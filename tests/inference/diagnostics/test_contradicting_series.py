@@ -8,8 +8,8 @@ import pytest
 from factories import at_most, problem_of
 from simulated import simulated
 
+from ifrfit.inference.diagnostics.nested_models import pooling
 from ifrfit.inference.diagnostics.thresholds import REFUTED
-from ifrfit.inference.diagnostics.wider_problems import pooling
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.physics import rebound

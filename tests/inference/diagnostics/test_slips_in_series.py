@@ -9,7 +9,7 @@ from factories import rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.data.observations import Observations
-from ifrfit.inference.diagnostics.wider_problems import Pooling
+from ifrfit.inference.diagnostics.nested_models import Pooling
 from ifrfit.inference.fit import fit
 from ifrfit.inference.result.types import Fact
 

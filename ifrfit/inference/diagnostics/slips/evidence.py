@@ -20,7 +20,7 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
     is_decisive,
 )
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, nuisances, of_series
-from ifrfit.inference.diagnostics.slips.single_rows import missing_values, mixed_readings
+from ifrfit.inference.diagnostics.slips.row_slips import missing_values, mixed_readings
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array

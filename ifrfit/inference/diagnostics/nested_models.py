@@ -1,7 +1,7 @@
-"""Whether a problem is wide enough: constants of each series, and ones set free of what the user said.
+"""Nested models: constants of each series, and ones set free of what the user said, against fewer of them.
 
-Tested is the fall of the weighted sum of squares in a problem wider by a few numbers; of constants that are
-separate for each series also by the evidence. Beside them stand noises of each series.
+Tested is the fall of the weighted sum of squares with a few numbers more; of constants that are separate for
+each series also by the evidence. Beside them stand noises of each series.
 """
 
 from __future__ import annotations

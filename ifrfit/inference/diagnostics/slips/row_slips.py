@@ -1,4 +1,4 @@
-"""Rows that are none of the rest: two kinds of reading in one column, and numbers for 'not measured'."""
+"""Slips in some rows alone: two kinds of reading in one column, and numbers for 'not measured'."""
 
 from __future__ import annotations
 
