@@ -89,8 +89,8 @@ def integrate(
     return QuadraturePosterior(
         problem,
         float(found.density.log_z[0]),
-        found.error,
         found.evidence_error,
+        tolerance,
         tolerance,
         found.layout,
         found.density,
@@ -230,13 +230,11 @@ class Refinement:
                 if max(self.error, self.evidence_error) <= self.tolerance:
                     return
                 if is_last or self._is_stalled():
-                    self._estimate_whole_error()
                     return
             if not self._refine():
                 if not has_marginals:
                     self.marginals = self._marginals()
                     self._estimate_error()
-                self._estimate_whole_error()
                 return
 
     def kappa_reaches_end(self) -> bool:
@@ -291,12 +289,8 @@ class Refinement:
         return marginals_of(self.layout, self.density) if self._has_marginals else {}
 
     def _estimate_error(self) -> None:
-        self.error = largest_error(self.marginals, self.tolerance, is_last=False)
+        self.error = largest_error(self.marginals, self.tolerance)
         self.errors.append(self.error)
-
-    def _estimate_whole_error(self) -> None:
-        """That of the last grid, if it is not within the tolerance: with the quantiles, however large."""
-        self.error = largest_error(self.marginals, self.tolerance, is_last=True)
 
     def _is_stalled(self) -> bool:
         """Whether the error has not halved for some rounds."""

@@ -94,10 +94,12 @@ def exact_posterior(
         return sampled_posterior(problem, start, seed)
     if found.converged:
         return found
-    reached = max(found.error, found.error_evidence)
     of_moments = max(found.error_of_moments, found.error_evidence)
-    if of_moments <= (_COARSER[-1] if found.is_falling else _COARSER[0]) and reached <= _OF_QUANTILES:
-        return replace(found, tolerance=next(each for each in (*_COARSER, _OF_QUANTILES) if reached <= each))
+    if of_moments <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
+        reached = max(found.error, found.error_evidence)
+        if reached <= _OF_QUANTILES:
+            stated = next(each for each in (*_COARSER, _OF_QUANTILES) if reached <= each)
+            return replace(found, tolerance=stated)
     sampled = sampled_posterior(problem, start, seed)
     return sampled if sampled.converged or sampled.error <= found.error else found
 

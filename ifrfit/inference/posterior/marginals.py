@@ -200,20 +200,22 @@ def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array], ...])
     return found
 
 
-def largest_error(marginals: Mapping[str, Marginal], tolerance: float, *, is_last: bool) -> float:
+def largest_error(marginals: Mapping[str, Marginal], tolerance: float) -> float:
+    """As `whole_error`; of means and standard deviations alone where these exceed the tolerance already."""
+    moved = _error_of_moments(marginals)
+    return moved if moved > tolerance else max(moved, _error_of_quantiles(marginals, tolerance))
+
+
+def whole_error(marginals: Mapping[str, Marginal], tolerance: float) -> float:
     """Largest change of any result between the rules and the coarse ones inside them, in sd.
 
     A quantile changes by the change of the distribution function there over the density. Both are taken
     where a normal law has its quantiles, and the density as no less than half of that law's.
-
-    Parameters
-    ----------
-    marginals : mapping
-    tolerance : float
-    is_last : bool
-        Whether it is the error that is reported. Before that, quantiles are left out where means or standard
-        deviations move by more than the tolerance already.
     """
+    return max(_error_of_moments(marginals), _error_of_quantiles(marginals, tolerance))
+
+
+def _error_of_moments(marginals: Mapping[str, Marginal]) -> float:
     worst = 0.0
     for own in marginals.values():
         mean, sd = own.moments(0)
@@ -222,8 +224,11 @@ def largest_error(marginals: Mapping[str, Marginal], tolerance: float, *, is_las
         coarse_mean, coarse_sd = own.moments(1)
         changes = [abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd]
         worst = max(worst, *(change if math.isfinite(change) else math.inf for change in changes))
-    if worst > tolerance and not is_last:  # the rest would be no use yet
-        return worst
+    return worst
+
+
+def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> float:
+    worst = 0.0
     for own in marginals.values():
         mean, sd = own.moments(0)
         if sd == 0.0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +16,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.marginals import Marginal, covariance
+from ifrfit.inference.posterior.marginals import Marginal, covariance, whole_error
 from ifrfit.inference.posterior.parameter_marginals import transition_marginal
 from ifrfit.inference.posterior.sampling import draw
 
@@ -34,29 +35,37 @@ class QuadraturePosterior:
     problem : Problem
     log_evidence : float
         Log of the integral of the normalised likelihood times the normalised prior.
-    error : float
-        Largest last change of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %, in
-        posterior standard deviations.
     error_evidence : float
         Last change of the log evidence.
     tolerance : float
+    aim : float
+        The tolerance that the grid was refined for, where another one is stated now.
     layout : IntegralLayout
     density : JointDensity
     marginals : mapping
         Name to `Marginal`: free entries of theta, kappa, and free noises.
     errors : tuple of float
-        The same round by round, of means and standard deviations alone where these exceed the tolerance.
+        Largest change of a result, in posterior standard deviations, round by round: of means and standard
+        deviations alone where these exceed the tolerance.
     """
 
     problem: Problem
     log_evidence: float
-    error: float
     error_evidence: float
     tolerance: float
+    aim: float
     layout: IntegralLayout = field(repr=False)
     density: JointDensity = field(repr=False)
     marginals: Mapping[str, Marginal] = field(repr=False)
-    errors: tuple[float, ...] = field(default=(), repr=False)
+    errors: tuple[float, ...] = field(repr=False)
+
+    @cached_property
+    def error(self) -> float:
+        """Largest last change of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %.
+
+        In posterior standard deviations; the quantiles of a grid that ended early take as long as the grid.
+        """
+        return self.errors[-1] if self.errors[-1] <= self.aim else whole_error(self.marginals, self.aim)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,12 +85,13 @@ class QuadraturePosterior:
     @property
     def converged(self) -> bool:
         """Whether the wanted tolerance was reached."""
-        return self.error <= self.tolerance and self.error_evidence <= self.tolerance
+        moved = max(self.error_of_moments, self.error_evidence)
+        return moved <= self.tolerance and self.error <= self.tolerance
 
     @property
     def error_of_moments(self) -> float:
         """That of means and standard deviations, with the quantiles where it is within the tolerance."""
-        return self.errors[-1] if self.errors else self.error
+        return self.errors[-1]
 
     @property
     def is_falling(self) -> bool:

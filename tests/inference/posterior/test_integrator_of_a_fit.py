@@ -174,12 +174,13 @@ def test_samples_that_did_not_converge_weigh_no_sharing(tmp_path: Path, monkeypa
 def test_a_grid_that_work_ends_says_the_error_of_its_quantiles(
     tmp_path, monkeypatch, of_quantiles, tolerance
 ):
-    from ifrfit.inference.posterior import integrators
+    from ifrfit.inference.posterior import integrators, quadrature_posterior
 
     gamma = np.linspace(5.0, 80.0, 14)
     path = impacts_file(tmp_path / "t.csv", {"gamma": gamma, "noise": 0.03, "sigma": 0.03})
     problem = ifrfit.fit(path, fix={"e_n": 0.9}, method="lsq").problem
-    ended = replace(integrators.exact_posterior(problem), error=of_quantiles, errors=(8e-4,))
+    ended = replace(integrators.exact_posterior(problem), errors=(8e-4,))
+    monkeypatch.setattr(quadrature_posterior, "whole_error", lambda *arguments: of_quantiles)
     monkeypatch.setattr(integrators, "_small_grid", lambda *arguments: ended)
     found = integrators.exact_posterior(problem)
     if tolerance is None:
