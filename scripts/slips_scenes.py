@@ -160,7 +160,7 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> tuple[Observations, di
     true_gamma, true_spin, j = gamma, given_spin, 0.4
     if cause.name == "angle-offset":
         true_gamma = gamma + cause.size
-    elif cause.name == "angle-scale":
+    elif cause.name in ("angle-scale", "angles-scale"):
         true_gamma = gamma / (1.0 + cause.size)
     elif cause.name == "angle-scatter":
         true_gamma = np.clip(gamma + cause.size * rng.standard_normal(scene.n), 0.1, 89.9)
@@ -222,7 +222,11 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
     elif cause.name == "scale-along-wall":
         speed = _speed_as_read(true_gamma, cause)
         v_x, v_n, after = v_x * (1.0 + cause.size) / speed, v_n / speed, after / speed
-    by_angle = true_gamma if cause.name in ("angle-offset", "angle-scale", "angle-scatter") else gamma
+    by_angle = (
+        true_gamma
+        if cause.name in ("angle-offset", "angle-scale", "angles-scale", "angle-scatter")
+        else gamma
+    )
     sine, cosine = np.sin(np.radians(by_angle)), np.cos(np.radians(by_angle))
     slip = sine + spin
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -237,6 +241,7 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
             "beta": -(v_x + after) / slip,
             "tan_psi_after": (v_x + after) / cosine,
             "delta_deg": np.degrees(np.arctan2(v_x, v_n))
+            * (1.0 + (cause.size if cause.name in ("rebound-scale", "angles-scale") else 0.0))
             + (cause.size if cause.name == "rebound-zero" else 0.0),
         }
 

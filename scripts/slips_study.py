@@ -70,6 +70,8 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         sized("angle-scale", raw, (0.01, 0.02, 0.05)),
         ("angle-scale", "angle-scale", sized("angle-scale", beta, (0.02, 0.05, 0.1))[2]),
         sized("rebound-zero", Scene(("delta_deg", "e_n")), (0.5, 1.0, 2.0), " deg"),
+        sized("rebound-scale", Scene(("delta_deg", "e_n")), (0.02, 0.05, 0.1)),
+        sized("angles-scale", Scene(("delta_deg", "e_n")), (0.02, 0.05, 0.1)),
         sized("camera-turn", raw, (0.25, 0.5, 1.0), " deg"),
         sized("speed-scale", raw, (0.01, 0.02, 0.05)),
         sized("scale-along-wall", raw, (0.01, 0.02, 0.05)),

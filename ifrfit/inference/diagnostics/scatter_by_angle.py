@@ -36,6 +36,7 @@ class _Found:
     variance: Array
     p: float
     drop: float
+    of_series: float
 
 
 def scatter_by_angle(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> GrowingScatter | None:
@@ -89,7 +90,16 @@ def _tested(problem: Problem, name: str, rows: Index, z: Array, own: Array) -> _
     left = max(float(own[rows].sum()) - _MORE, 0.0) / z.size
     # chi2 of two degrees of freedom
     p = math.exp(-0.5 * left * max(float(gain.sum()), 0.0)) if _by_ranks(z, variance) > _RANKS else 1.0
-    return _Found(name, rows, variance, p, float(gain.sum() - gain.max()) - 2.0 * _MORE)
+    drop = float(gain.sum() - gain.max()) - 2.0 * _MORE
+    return _Found(name, rows, variance, p, drop, _drop_of_series(z, problem.rows.series[rows]))
+
+
+def _drop_of_series(z: Array, series: Index) -> float:
+    """Fall of -2 log likelihood with an even noise of each series, of z whose mean square is 1."""
+    _, of = np.unique(series, return_inverse=True)
+    count = np.bincount(of).astype(float)
+    mean = np.maximum(np.bincount(of, z**2) / count, _EXACT**2)
+    return -float((count * np.log(mean)).sum()) - 2.0 * (count.size - 1.0)
 
 
 def _by_ranks(z: Array, variance: Array) -> float:
@@ -106,8 +116,9 @@ def _fact(problem: Problem, fit: LeastSquaresFit, best: _Found) -> Fact:
     angles = gamma[places].tolist()
     sizes = (sigma * np.sqrt(best.variance * float((z**2).mean())))[places].tolist()
     told = joined([f"{size:.2g} at {angle:.0f}" for angle, size in zip(angles, sizes, strict=True)])
+    or_series = ", or from series to series" if best.of_series > best.drop - ALIKE else ""
     says = (
-        f"the scatter of {best.name} changes with the angle of incidence: {told} degrees (p = "
+        f"the scatter of {best.name} changes with the angle of incidence{or_series}: {told} degrees (p = "
         f"{p_text(best.p)}; -2 log likelihood falls by {best.drop:.3g}). Rows then count by their own errors "
         "with a sigma in every row"
     )

@@ -20,11 +20,13 @@ _MOST_LINES = 12  # of a table with two kinds of reading
 _MUCH = 0.1  # share of the speeds beyond which their scale is seldom off
 _MOST_SERIES = 6  # that are named
 _LONGEST = 4  # rows that are named
-_SCALES = ("angle-scale", "speed-scale", "scale-along-wall", "spin-scale")
+_OF_ANGLES = ("angle-scale", "rebound-scale", "angles-scale")
+_OF_LENGTHS = ("speed-scale", "scale-along-wall", "spin-scale")
+_SCALES = (*_OF_ANGLES, *_OF_LENGTHS)
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
-    "angles": ("angle-offset", "angle-scale", "rebound-zero", "camera-turn"),
-    "scales": _SCALES[1:],
+    "angles": ("angle-offset", "rebound-zero", *_OF_ANGLES, "camera-turn"),
+    "scales": _OF_LENGTHS,
     "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll", "spin-zero"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
@@ -45,6 +47,14 @@ _SIZED = {
     "angle-scale": (
         "angles of incidence {percent} off in scale",
         "check the scale of the angle",
+    ),
+    "rebound-scale": (
+        "angles of rebound {percent} off in scale",
+        "check the scale of the angle",
+    ),
+    "angles-scale": (
+        "angles of incidence and of rebound {percent} off in scale",
+        "check the scale of the angles",
     ),
     "camera-turn": (
         "a camera turned against the wall by {size} degrees",
@@ -80,6 +90,8 @@ _DRIFT = (
 # what is divided by a scale to try it
 _SCALED = {
     "angle-scale": "the angles of incidence",
+    "rebound-scale": "those of rebound",
+    "angles-scale": "both",
     "speed-scale": "velocities after",
     "scale-along-wall": "those along it, before and after,",
     "spin-scale": "the spins",

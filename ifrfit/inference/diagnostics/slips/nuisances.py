@@ -239,13 +239,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("angle-scale", 0.5, 0.05, lambda x: Flaw(angle=x))
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if _REBOUND in problem.rows.names:
-        on_rebound = (problem.rows.which == problem.rows.names.index(_REBOUND)).astype(float)
-        yield Nuisance(
-            "rebound-zero",
-            lambda theta, size: problem.predict(theta) + size[:, None] * on_rebound,
-            (-10.0, 10.0),
-            2.0,
-        )
+        yield from _of_rebound(problem)
     if "velocity" in measured or any(not each.numerator for each in oblique):
         yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
         if any(each.has_angle for each in oblique):
@@ -271,6 +265,26 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
         )
     yield from _drifts(problem)
+
+
+def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
+    """Zero and scale of the angle of rebound as it is read; and one scale of both angles."""
+    is_rebound = problem.rows.which == problem.rows.names.index(_REBOUND)
+    on_rebound = is_rebound.astype(float)
+
+    def zero(theta: Array, size: Array) -> Array:
+        return np.asarray(problem.predict(theta) + size[:, None] * on_rebound)
+
+    def scale(theta: Array, size: Array) -> Array:
+        return np.asarray(problem.predict(theta) * (1.0 + size[:, None] * on_rebound))
+
+    def both(theta: Array, size: Array) -> Array:
+        read = readings(problem, theta, Flaw(angle=size[:, None]))
+        return np.asarray(read * (1.0 + size[:, None] * on_rebound))
+
+    yield Nuisance("rebound-zero", zero, (-10.0, 10.0), 2.0)
+    yield Nuisance("rebound-scale", scale, (-0.5, 0.5), 0.05)
+    yield Nuisance("angles-scale", both, (-0.5, 0.5), 0.05)
 
 
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
