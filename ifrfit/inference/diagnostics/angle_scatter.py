@@ -17,7 +17,7 @@ from ifrfit.inference.diagnostics.angle_error_size import (
 )
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
-from ifrfit.inference.diagnostics.mixture import mixture, suspicious_constants
+from ifrfit.inference.diagnostics.mixture import drop_of_scattering_constant, mixture, suspicious_constants
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import (
     drop_of_angle,
@@ -44,6 +44,7 @@ _ALIKE = {
     "slips": "a slip in the table",
     "effects": "a further effect",
     "sigma": "a sigma that is too small (--noise scaled)",
+    "constants": "a constant that differs from impact to impact",
     "growth": "errors that grow with the value",
     "angle": "errors whose size changes with the angle",
     "outliers": "outliers",
@@ -143,10 +144,13 @@ def _rivals(
 ) -> dict[str, tuple[float, Fact | None]]:
     """What else may be the reason: by how much more it takes off -2 log likelihood, and its fact."""
     drop = errors.drop
+    of_constants = drop_of_scattering_constant(problem, slopes.by_constant, slopes.left)
     rivals: dict[str, tuple[float, Fact | None]] = {
         "sigma": (drop_of_even(problem, slopes) - drop, None),
         "growth": (drop_of_growth(problem, fit, slopes) - drop, None),
         "angle": (drop_of_angle(problem, slopes) - drop, None),
+        # a look-alike that takes nothing from the remedy: rows count by what scatters in them
+        "constants": (min(of_constants - drop, ALIKE), None),
         "outliers": (fall_of_outliers(problem, slopes) - errors.fall, None),
     }
     growing = growing_scatter(problem, fit, residuals_of(problem, fit))

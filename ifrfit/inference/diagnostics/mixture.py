@@ -108,6 +108,20 @@ def suspicious_constants(problem: Problem, jacobian: Array, residual: Array) -> 
     return [place for place, along in pairs if _spread(problem, along, residual) is not None]
 
 
+def drop_of_scattering_constant(problem: Problem, jacobian: Array, residual: Array) -> float:
+    """Fall of -2 log likelihood with the one constant that explains most scattering from impact to impact.
+
+    Arguments as `suspicious_constants`.
+    """
+    found = [0.0]
+    for along in jacobian.T:
+        strength = _by_impact(problem, along**2)
+        if strength.max(initial=0.0) > 0.0:
+            spread = float(np.sqrt((residual**2).sum() / strength.sum()))
+            found.append(_drop_of_normal(problem, along, residual, spread))
+    return max(found)
+
+
 def _by_impact(problem: Problem, of_rows: Array) -> Array:
     return np.bincount(problem.rows.impacts, of_rows).astype(float)
 

@@ -278,13 +278,13 @@ def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
     def scale(theta: Array, size: Array) -> Array:
         return np.asarray(problem.predict(theta) * (1.0 + size[:, None] * on_rebound))
 
-    def both(theta: Array, size: Array) -> Array:
+    def of_angles(theta: Array, size: Array) -> Array:
         read = readings(problem, theta, Flaw(angle=size[:, None]))
         return np.asarray(read * (1.0 + size[:, None] * on_rebound))
 
     yield Nuisance("rebound-zero", zero, (-10.0, 10.0), 2.0)
     yield Nuisance("rebound-scale", scale, (-0.5, 0.5), 0.05)
-    yield Nuisance("angles-scale", both, (-0.5, 0.5), 0.05)
+    yield Nuisance("angles-scale", of_angles, (-0.5, 0.5), 0.05)
 
 
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
