@@ -152,7 +152,7 @@ def test_replicates_that_would_take_too_long_are_left_out(impacts):
 
 def test_without_a_reference_nothing_is_measured(far_from_bounds, monkeypatch):
     cut = integrate(far_from_bounds, 1e-1)
-    bad = replace(cut, error=7.0, tolerance=1e-3)
+    bad = replace(cut, errors=(7.0,), tolerance=1e-3, aim=7.0)
     monkeypatch.setattr("ifrfit.cost.inference_costs.integrate", lambda *_: bad)
     with pytest.raises(UsageError, match="comes to 7e0 of an sd only: there is nothing to measure errors"):
         inference_costs(far_from_bounds, extent=SMALL)
