@@ -23,13 +23,13 @@ from ifrfit.text import p_text
 _FEWEST = 12  # rows of an observable below which none is looked for
 _SUSPECT = 2.0  # standard deviations from which the exact p value is worked out
 _EXACT = 600  # rows beyond which the normal approximation is exact enough
-_RANKS = 2.33  # standard deviations of the rank correlation of sizes of residuals: not a few far rows alone
+RANKS = 2.33  # standard deviations of the rank correlation of sizes of residuals: not a few far rows alone
 _LEAST = 2.0  # factor between the ends, below which it does not matter
 _OPTIONS = {"velocity": "--sigma-velocity", "spin": "--sigma-spin"}
 
 
 @dataclass(frozen=True)
-class GrowingScatter:
+class UnevenScatter:
     """A finding, and the outliers under a noise that grows so.
 
     Attributes
@@ -51,7 +51,7 @@ class _Found:
     drop: float
 
 
-def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> GrowingScatter | None:
+def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> UnevenScatter | None:
     """Test unknown noises for a growth as one over the denominator of their observable.
 
     The score test of a power of that amplification in the variance: the sum of squared residuals times its
@@ -62,7 +62,7 @@ def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
 
     Returns
     -------
-    GrowingScatter or None
+    UnevenScatter or None
         None where the scatter is even.
     """
     if problem.noise.is_known or problem.noise.is_scaled or not problem.error_model.is_plain:
@@ -91,7 +91,7 @@ def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
     except DataError:
         return None
     size = float((weighted.sigma[best.rows] / best.amplification)[0])
-    return GrowingScatter(_fact(problem, best, size), others)
+    return UnevenScatter(_fact(problem, best, size), others)
 
 
 def _tests(amplification: Array, basis: Array, z: Array) -> tuple[float, float]:
@@ -99,12 +99,17 @@ def _tests(amplification: Array, basis: Array, z: Array) -> tuple[float, float]:
     lean = 2.0 * np.log(amplification)
     drop = z.size * math.log(float((z**2).mean()) / float(((z / amplification) ** 2).mean()))
     drop -= float(lean.sum())
-    sizes, ranks = (np.argsort(np.argsort(x)).astype(float) for x in (np.abs(z), amplification))
-    if np.corrcoef(sizes, ranks)[0, 1] * math.sqrt(z.size - 1.0) < _RANKS:
+    if by_ranks(z, amplification) < RANKS:
         return 1.0, drop
     share = (lean - lean.mean()) * z**2
     kept = np.arange(z.size) != int(np.argmax(share))
     return max(_p(lean, basis, z), _p(lean[kept], basis[kept], z[kept])), drop
+
+
+def by_ranks(z: Array, expected: Array) -> float:
+    """Standard deviations of the correlation of the ranks of sizes and of what is expected of them."""
+    sizes, ranks = (np.argsort(np.argsort(x)).astype(float) for x in (np.abs(z), expected))
+    return float(np.corrcoef(sizes, ranks)[0, 1]) * math.sqrt(z.size - 1.0)
 
 
 def _p(lean: Array, basis: Array, z: Array) -> float:

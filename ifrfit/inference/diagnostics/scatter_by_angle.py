@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.angle_error_size import AngleSlopes
-from ifrfit.inference.diagnostics.growing_scatter import GrowingScatter, outliers_under
+from ifrfit.inference.diagnostics.growing_scatter import RANKS, UnevenScatter, by_ranks, outliers_under
 from ifrfit.inference.diagnostics.quadratic_forms import Array
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.rival_scatter import fall_of_outliers, log_variance
@@ -23,7 +23,6 @@ from ifrfit.text import joined, p_text
 _FEWEST = 16  # rows of an observable below which none is looked for
 _ANGLES = 5  # different ones, likewise
 _MORE = 2  # numbers that a parabola has beyond a level
-_RANKS = 2.33  # standard deviations of the rank correlation of sizes of residuals: not a few far rows alone
 _FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
 _EXACT = 1e-9  # root mean square of residuals of values without errors, in sigma
 _PLACES = (0.1, 0.5, 0.9)  # quantiles of the angles at which the noise is told
@@ -39,7 +38,7 @@ class _Found:
     of_series: float
 
 
-def scatter_by_angle(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> GrowingScatter | None:
+def scatter_by_angle(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> UnevenScatter | None:
     """Test the noise of each observable for a change with the angle of incidence.
 
     The likelihood ratio of a variance whose logarithm is a parabola of the angle against an even one, of
@@ -51,7 +50,7 @@ def scatter_by_angle(problem: Problem, fit: LeastSquaresFit, residuals: Residual
 
     Returns
     -------
-    GrowingScatter or None
+    UnevenScatter or None
         None where the scatter is even.
     """
     if not problem.error_model.is_plain:
@@ -77,7 +76,7 @@ def scatter_by_angle(problem: Problem, fit: LeastSquaresFit, residuals: Residual
         others, _ = outliers_under(problem, fit, sigma)
     except DataError:
         return None
-    return GrowingScatter(_fact(problem, fit, best), others)
+    return UnevenScatter(_fact(problem, fit, best), others)
 
 
 def _tested(problem: Problem, name: str, rows: Index, z: Array, own: Array) -> _Found:
@@ -89,7 +88,7 @@ def _tested(problem: Problem, name: str, rows: Index, z: Array, own: Array) -> _
     gain = z**2 - z**2 / variance - np.log(variance)
     left = max(float(own[rows].sum()) - _MORE, 0.0) / z.size
     # chi2 of two degrees of freedom
-    p = math.exp(-0.5 * left * max(float(gain.sum()), 0.0)) if _by_ranks(z, variance) > _RANKS else 1.0
+    p = math.exp(-0.5 * left * max(float(gain.sum()), 0.0)) if by_ranks(z, variance) > RANKS else 1.0
     drop = float(gain.sum() - gain.max()) - 2.0 * _MORE
     return _Found(name, rows, variance, p, drop, _drop_of_series(z, problem.rows.series[rows]))
 
@@ -100,12 +99,6 @@ def _drop_of_series(z: Array, series: Index) -> float:
     count = np.bincount(of).astype(float)
     mean = np.maximum(np.bincount(of, z**2) / count, _EXACT**2)
     return -float((count * np.log(mean)).sum()) - 2.0 * (count.size - 1.0)
-
-
-def _by_ranks(z: Array, variance: Array) -> float:
-    """Standard deviations of the correlation of the ranks of sizes and of what is expected of them."""
-    sizes, expected = (np.argsort(np.argsort(x)).astype(float) for x in (np.abs(z), variance))
-    return float(np.corrcoef(sizes, expected)[0, 1]) * math.sqrt(z.size - 1.0)
 
 
 def _fact(problem: Problem, fit: LeastSquaresFit, best: _Found) -> Fact:
