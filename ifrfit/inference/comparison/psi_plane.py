@@ -176,9 +176,9 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
 
     Notes
     -----
-    The optimum is global, by the certified piecewise machinery; intervals are those of the profile, the
-    points of which are searched without a proof. Unknown noise comes from the misfit of this fit, not from
-    that of any closure.
+    The optimum is global, by the certified piecewise machinery; intervals are those of the profile, each
+    point of which is a global optimum of the other two unknowns. Unknown noise comes from the misfit of this
+    fit, not from that of any closure.
     """
     problem = problems[0]
     rows, left_out = psi_rows(problem)
