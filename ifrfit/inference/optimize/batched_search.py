@@ -31,7 +31,7 @@ _STEPS = 60
 _AT_REST = 1e-9  # fall of the objective that a step promises, below which a search has converged
 _ROUNDING = 1e-13  # of the objective
 _TRUSTED = 0.25  # share of the promised fall that a step must keep for no other to be tried
-_DAMPING = (1e-4, 1e-2, 1e10)  # least, first, last: relative to the diagonal of the Hessian
+_DAMPING = (1e-8, 1e-2, 1e10)  # least, first, last: relative to the diagonal of the Hessian
 _DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
 _STEEPEST = 1e100  # slope, whose square is a number still: that of angles has no end where e_n is 0
 _LOOSE = 1e-11  # eigenvalue, relative, of a direction that the data do not see: it stays where it is
@@ -243,7 +243,7 @@ class BatchedSearch:
             stuck = fall <= tolerance
             on_kink = stuck & model.is_on_kink & (model.promised_along <= tolerance)
             converged[active[on_kink & (damping[active] > 1.0)]] = True
-            change = np.array([0.125, *_DAMPED, *(1.0,) * 4])[index]
+            change = np.array([0.125, 0.125, 1.0, 8.0, *(1.0,) * 4])[index]
             damping[active] = np.where(stuck, 512.0, change) * np.maximum(damping[active], _DAMPING[0])
             left = damping[active] < _DAMPING[2]
             # where a kink meets a bound the model of one side may point beyond the bound; no step leads down

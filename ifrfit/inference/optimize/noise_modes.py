@@ -383,10 +383,11 @@ class _Search:
             others = batch.run(rough.theta[lowest], self.sizes)
             if others.value.min() < found.value.min() - _SAME_PHI:
                 ends.insert(0, others.theta[int(others.value.argmin())])
-        for theta in ends:
+        for number, theta in enumerate(ends):
             value, variance = self.at(theta)
             if not self._is_known(theta, value, variance):
-                self._add(self.mode(self.solve(variance, theta)))
+                weighted = solve(self.problem, self.sigma(variance), theta, proven=number == 0)
+                self._add(self.mode(weighted))
 
     def optima_of_groups(self, theta: Array) -> list[Array]:
         """The best constants for each group alone, the others counting next to nothing."""

@@ -14,10 +14,11 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.rows import LOWEST
-from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.branch_and_bound import minimise, minimise_batch
 from ifrfit.inference.optimize.decomposition import PiecewiseMember, lagrangian_bound
-from ifrfit.inference.optimize.linear_families import kappa_form, linear_form
+from ifrfit.inference.optimize.linear_families import LinearForm, kappa_form, linear_form
 from ifrfit.inference.optimize.parameter_group import (
+    Array,
     Constants,
     GroupOptimum,
     ParameterGroup,
@@ -25,38 +26,100 @@ from ifrfit.inference.optimize.parameter_group import (
     kappa_range,
     restitution_sums,
 )
-from ifrfit.inference.optimize.piecewise import NEAR
-from ifrfit.inference.optimize.scalar_search import bounded_minimum, minimum_near, scalar_minima
+from ifrfit.inference.optimize.piecewise import NEAR, PiecewiseBatch
+from ifrfit.inference.optimize.scalar_search import bounded_minimum, scalar_minima
 
 _REBOUND_SEEDS = 40
+_MOST_ROWS = 20_000  # of a batch, whose sums are not taken about the optimum
 
 
-def solve_over_e_n(group: ParameterGroup, near: float | None = None) -> GroupOptimum:
-    """Optimum over e_n of the certified optima at given e_n, with the Lagrangian bound where there is one.
-
-    With `near`, a value of e_n, other minima than that about it are not looked for.
-    """
+def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
+    """Optimum over e_n of the certified optima at given e_n, with the Lagrangian bound where there is one."""
     low, high = _range_of_e_n(group)
+    many = ManyRestitutions.of(group, high)
 
     def at(e_n: float) -> tuple[float, Constants]:
-        form = kappa_form(replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None)))
+        form = at_restitution(group, e_n)
         optimum = minimise(form.problem)
-        prior = 0.0 if group.e_n.prior is None else ((e_n - group.e_n.prior[0]) / group.e_n.prior[1]) ** 2
-        return optimum.chi2 + prior, form.to_constants(optimum.t)
+        return optimum.chi2 + float(_of_prior(group, e_n)), form.to_constants(optimum.t)
+
+    def objective_at(e_n: Array) -> Array:
+        if many is None or e_n.size == 1:
+            return np.array([at(each)[0] for each in e_n.tolist()])
+        return many.objective(e_n)
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
     seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.of_scale("rebound").any() else []
-    if near is None:
-        found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
-    else:
-        found = [minimum_near(lambda e: at(e)[0], near, low, high)]
+    found = scalar_minima(objective_at, low, high, seeds)
     objective = found[0][0]
     minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
     constants = minima[0][1]
     bound = _bound(group, constants)
     gap = max(0.0, objective - bound) if math.isfinite(bound) else None
-    method = "all partitions at each e_n"
-    return GroupOptimum(constants, objective, gap, minima, method=method, is_local=near is not None)
+    return GroupOptimum(constants, objective, gap, minima, method="all partitions at each e_n")
+
+
+def at_restitution(group: ParameterGroup, e_n: float) -> LinearForm:
+    """The group where e_n is known: a problem in its closure constant and kappa."""
+    return kappa_form(replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None)))
+
+
+def _of_prior(group: ParameterGroup, e_n: Array | float) -> Array:
+    """What the prior of e_n adds to the objective."""
+    mean, sd = (0.0, np.inf) if group.e_n.prior is None else group.e_n.prior
+    return np.square((np.asarray(e_n) - mean) / sd)
+
+
+@dataclass(frozen=True)
+class ManyRestitutions:
+    """A group at many given e_n at once: each has the same rows, times a factor and with other targets.
+
+    Attributes
+    ----------
+    group : ParameterGroup
+    e_n : float
+        Of `form`.
+    form : LinearForm
+        With its rows in ascending order of tau.
+    """
+
+    group: ParameterGroup
+    e_n: float
+    form: LinearForm
+
+    @classmethod
+    def of(cls, group: ParameterGroup, e_n: float) -> ManyRestitutions | None:
+        """None where limits of mu make the domain of kappa another at each e_n, and for very many rows."""
+        free = group.mu.fixed is None and group.mu.lower == 0.0 and math.isinf(group.mu.upper)
+        if not free or group.rows.tau.size > _MOST_ROWS:
+            return None
+        form = at_restitution(group, e_n)
+        order = np.argsort(form.problem.tau, kind="stable")
+        return cls(
+            group, e_n, replace(form, problem=form.problem.take(order), switching=form.switching[order])
+        )
+
+    def objective(self, e_n: Array) -> Array:
+        """The least objective at each e_n, (m,)."""
+        rows, form, mu = self.group.rows, self.form, self.group.mu
+        e = e_n[:, None]
+        by_impulse, by_rebound = (1.0 + self.e_n) / (1.0 + e), self.e_n / np.maximum(e, LOWEST)
+        factor = np.where(rows.of_scale("impulse") | rows.of_kind("friction"), by_impulse, 1.0)
+        factor = np.where(rows.of_scale("rebound"), by_rebound, factor)
+        # a row times the factor has the target of before if its value is divided by it
+        shift = rows.value * self.group.weight * (1.0 / factor - 1.0)
+        normal = rows.of_kind("normal")
+        shift[:, normal] = rows.normal_factor(normal) * self.group.weight[normal] * (self.e_n - e)
+        mean, sd = (0.0, 1.0) if mu.prior is None else mu.prior
+        # rows behind those of the group: the priors of mu, c and e_n, found from the end by -3, -2 and -1
+        one, nothing = np.ones((e_n.size, 2)), np.zeros((e_n.size, 2))
+        squared = np.concatenate((factor, by_impulse, one), axis=1) ** 2
+        shift = np.concatenate((shift, mean / sd * (1.0 / by_impulse - 1.0), nothing), axis=1)
+        switching, always = form.switching, form.always
+        batch = PiecewiseBatch(
+            form.problem, squared[:, switching], squared[:, always], shift[:, switching], shift[:, always]
+        )
+        return minimise_batch(batch).values + _of_prior(self.group, e_n)
 
 
 def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:

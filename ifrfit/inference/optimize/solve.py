@@ -55,10 +55,9 @@ def solve(
         return multistart(problem, sigma, near)
     independent = independent_groups(problem, sigma)
     if independent is not None:
-        places = problem.parameters.positions["e_n"]
         parts = []
         for i, (group, _) in enumerate(independent):
-            alone = solve_group(group, None if near is None or proven else float(near[places[i]]))
+            alone = solve_group(group, certified=proven or near is None)
             if alone is None and len(independent) == 1:
                 return multistart(problem, sigma, near)
             parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
@@ -168,25 +167,25 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes), is_local=is_local)
 
 
-def solve_group(group: ParameterGroup, near: float | None = None) -> GroupOptimum | None:
+def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimum | None:
     """Optimum of rows that share one set of constants; None where only a search can find it.
 
     Parameters
     ----------
     group : ParameterGroup
-    near : float, optional
-        e_n of a neighbouring problem: where it is searched for, it is looked for there first.
+    certified : bool
+        Whether a certified search over e_n is wanted where no other road is: a local one takes a tenth of it.
     """
     if group.rows.of_kind("curved").any():
         return None
     if group.e_n.fixed is None and is_separable(group):
         e_n, objective = restitution_optimum(group)
         rest = without_normal_rows(group, e_n)
-        found = solve_group(rest)
+        found = solve_group(rest, certified=certified)
         return None if found is None else raised(found, objective)
     form = linear_form(group)
     if form is None:
-        return solve_over_e_n(group, near)
+        return solve_over_e_n(group) if certified else None
     optimum = minimise(form.problem)
     minima = tuple((value, center_free_e_n(group, form.to_constants(t))) for value, t in optimum.optima)
     return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(group, form, optimum))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 from factories import impacts_file, own_constant, problem_of
 from scipy.optimize import least_squares as scipy_least_squares
 from scipy.optimize import minimize
+from strangers import draw
 
 from ifrfit.data import read
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, _Model
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.multistart import multistart, starts
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics import CLOSURES
@@ -202,3 +205,14 @@ def test_a_mu_that_follows_keeps_its_quantity(tmp_path) -> None:
                             FollowingMu(2, 0, None, law, (0.0, 0.27)))  # fmt: skip
     found = limited.run(theta, NO_NOISE, x)
     assert found.theta[:, 2].max() <= 0.27 + 1e-12
+
+
+def test_a_narrow_valley_is_followed_to_its_end(tmp_path):
+    # of five series under one friction each e_n falls along a valley, as narrow as 1e-5 of its length
+    path = tmp_path / "valley.csv"
+    path.write_text(draw(0, 100).text, encoding="utf-8")
+    shared = problem_of(read(path), noise="unknown")
+    sigma = least_squares(replace(shared, noise=replace(shared.noise, separate=True))).sigma
+    search = BatchedSearch.of(problem_of(read(path), separate=("e_n",)), sigma)
+    found = search.run(search.lowest(starts(search.problem), NO_NOISE, 32), NO_NOISE)
+    assert found.converged.mean() > 0.75

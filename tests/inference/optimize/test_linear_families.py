@@ -11,8 +11,10 @@ from simulated import simulated
 
 import ifrfit
 from ifrfit.data import read
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.optimum import objective_at
-from ifrfit.inference.optimize.solve import solve
+from ifrfit.inference.optimize.restitution_and_friction import ManyRestitutions, at_restitution
+from ifrfit.inference.optimize.solve import solve, whole_group
 from ifrfit.physics import CLOSURES, OBSERVABLES
 
 GAMMA = np.linspace(4.0, 86.0, 25)
@@ -168,3 +170,18 @@ def test_without_oblique_rows_every_closure_has_the_means_as_its_proven_optimum(
     expected = [best("e_n", e_n, 0.02), best("mu", mu, 0.05)]
     np.testing.assert_allclose(found.theta[[0, -1]], expected, rtol=1e-12)
     assert np.isfinite(found.extremes).all()
+
+
+@pytest.mark.parametrize(
+    "observables", [("beta", "e_n", "mu"), ("mu_app", "e_n"), ("beta", "tan_psi_out", "e_n")]
+)
+def test_many_restitutions_at_once_are_each_alone(observables, impacts):
+    path = impacts(gamma=GAMMA, observables=observables, noise=0.03, sigma=0.03, seed=11)
+    problem = problem_of(read(path), prior={"e_n": (0.9, 0.05), "mu": (0.2, 0.1)})
+    group = whole_group(problem, problem.noise.sigma)
+    many = ManyRestitutions.of(group, 1.0)
+    assert many is not None
+    e_n = np.linspace(0.05, 1.0, 9)
+    alone = [at_restitution(group, each) for each in e_n.tolist()]
+    expected = [minimise(form.problem).chi2 for form in alone] + ((e_n - 0.9) / 0.05) ** 2
+    np.testing.assert_allclose(many.objective(e_n), expected, rtol=1e-9)
