@@ -364,7 +364,9 @@ class _Proof:
         constant = constant + float(weight @ square) - float((~is_open).sum())
         kept = np.flatnonzero(seen | ~is_open)
         if (is_open & seen).any():
-            inverse = np.linalg.inv(whole[np.ix_(kept, kept)])
+            (inverse,) = _inverses(whole[np.ix_(kept, kept)][None])
+            if not np.isfinite(inverse).all():
+                return None
             center = inverse @ down[kept]
             left = max(high - (constant - float(down[kept] @ center)), 0.0)
             far = center + np.sqrt(left * np.maximum(np.diag(inverse), 0.0))

@@ -168,7 +168,7 @@ def sample_by_importance(
         work = 2 * best.at.shape[0] * best.cost
         if work > (WORK if found.converged else MOST_WORK):
             return found
-        if max(found.error, found.error_evidence) <= TARGET:
+        if found.converged and max(found.error, found.error_evidence) <= TARGET:
             return found
         best.refine()
 

@@ -106,8 +106,8 @@ def _draw_observable(
             own, offset = styles[name], entry.fit.noise.angle_offset
             # over the set angle, whatever offset the closure has found
             x_set = curve.x - (0.0 if offset is None else offset.value or 0.0)
-            draw_curve(axes[0], replace(curve, x=x_set, pen=Pen(own.colour, own.line)), front=front)
-            drawn.append(curve)
+            drawn.append(replace(curve, x=x_set, pen=Pen(own.colour, own.line)))
+            draw_curve(axes[0], drawn[-1], front=front)
     markers = style.series_styles([str(name) for name in comparison.best.points["series"].unique()])
     size = panels.look_of(len(rows)).size
     error = rows["sigma_used"].to_numpy(dtype=float)
