@@ -346,7 +346,7 @@ def test_refusals_list_what_is_registered(folder: Path) -> None:
     data = table(folder, GRIP)
     with pytest.raises(UsageError, match=r"no closure 'x'\. Choose one of .*, grip, bend"):
         ifrfit.fit(data, closure="x")
-    with pytest.raises(UsageError, match="--tails x: choose gaussian or .*logistic"):
+    with pytest.raises(UsageError, match=r"--tails x: choose gaussian or .*logistic"):
         ifrfit.fit(data, noise=ifrfit.Noise(tails="x"))
     with pytest.raises(UsageError, match=r"--format x: a report is html, .*toc; choose one of them"):
         check_format("x", "--format x")
