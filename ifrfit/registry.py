@@ -149,7 +149,7 @@ class Registry(Mapping[str, T]):
     def unknown(self, name: str) -> str:
         """Say that there is no entry `name`, which ones there are, and which one may be meant."""
         near = difflib.get_close_matches(str(name).lower(), list(self), n=1)
-        meant = f" Did you mean {near[0]}?" if near else ""
+        meant = f" Did you mean {near[0]}?" if near else " One of your own is known once it is registered."
         return f"There is no {self.kind} '{name}'. Choose one of {', '.join(self)}.{meant}"
 
     def __contains__(self, name: object) -> bool:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from factories import BILINEAR
 
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.inference.comparison import Comparison
@@ -14,7 +13,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.physics import OBSERVABLES, rebound
 
 ANGLES = np.linspace(4.0, 84.0, 25)
-FOUR = BILINEAR
+FOUR = ("f", "fr", "ifr", "ifr-contact")
 
 
 def not_converged(found: Comparison, name: str) -> Comparison:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +15,19 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 INCLUDED = dict(re.findall(r"^<!-- (\S+) -->\n```python\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
+# all that loops over a registry, without tests that register the same examples
+LOOPS = (
+    *("tests/physics", "tests/simulation", "tests/cli", "tests/cost", "tests/inference/comparison"),
+    *("tests/report/page", "--ignore=tests/report/page/test_plugins.py"),
+)
 DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
+
+
+def place_of(example: str) -> str:
+    """The file of the package that an example would be."""
+    found = re.search(rf"^`(\S+\.py)`:\n\n<!-- {example} -->$", GUIDE, re.MULTILINE)
+    assert found is not None, example
+    return found.group(1)
 
 
 def applied(text: str, diff: str) -> str:
@@ -39,13 +55,31 @@ def test_every_diff_imports_the_new_file_and_lists_its_entry() -> None:
         assert old == new
         assert sum(line.startswith("+") for line in diff.splitlines()) == 2, diff
         changed = ast.parse(applied((ROOT / old).read_text(encoding="utf-8"), diff))
-        where = re.search(rf"^`(\S+)\.py`:\n\n<!-- {path} -->$", GUIDE, re.MULTILINE)
-        assert where is not None, path
-        package, name = where.group(1).replace("/", ".").rsplit(".", 1)
+        package, name = place_of(path).removesuffix(".py").replace("/", ".").rsplit(".", 1)
         imports = [node for node in ast.walk(changed) if isinstance(node, ast.ImportFrom)]
         names = {f"{node.module}.{alias.name}" for node in imports for alias in node.names}
         modules = {node.module for node in imports}
         assert f"{package}.{name}" in names | modules, diff
+
+
+@pytest.mark.long
+def test_inside_the_package_the_examples_need_no_other_edit(tmp_path: Path) -> None:
+    """In a copy that has them all, whatever loops over a registry passes."""
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "__pycache__"))
+    for (changed, _, diff), example in zip(DIFFS, INCLUDED, strict=True):
+        (copy / place_of(example)).write_text(INCLUDED[example], encoding="utf-8")
+        text = (copy / changed).read_text(encoding="utf-8")
+        (copy / changed).write_text(applied(text, diff), encoding="utf-8")
+    found = subprocess.run(
+        [sys.executable, "-m", "pytest", *LOOPS],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert found.returncode == 0, found.stdout
 
 
 def test_every_example_is_registered_by_the_tests_of_plugins() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.observable import Observable, check_observable
+from ifrfit.physics.rebound import ratio
 from ifrfit.registry import Registry
 
 # Ranges that a measurement, a digitisation or a simulation can have. They are wide on purpose: they catch
@@ -23,13 +24,8 @@ RATIO = 1e12
 FREE = 1e6
 
 
-def _over(numerator: Array, denominator: Array) -> Array:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(numerator / denominator)
-
-
 def _tan_psi(i: Incidence, j: float) -> tuple[Array, Array]:
-    tangent = _over(i.slip_x, i.cosine)
+    tangent = ratio(i.slip_x, i.cosine)
     return tangent, -tangent / rotational_share(j)
 
 
@@ -110,7 +106,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="restitution of the centre",  # -v_x/u_x
             kind="tangential",
             value=lambda r, mu: r.beta_cm,
-            linear=lambda i, j: (-np.ones_like(i.sine), _over(i.slip_x, i.sine)),
+            linear=lambda i, j: (-np.ones_like(i.sine), ratio(i.slip_x, i.sine)),
             low=-RATIO,
             high=RATIO,
             undefined=("normal",),
@@ -222,7 +218,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="apparent friction",  # P_x/P_n
             kind="tangential",
             value=lambda r, mu: r.mu_app,
-            linear=lambda i, j: (np.zeros_like(i.sine), _over(i.slip_x, i.cosine)),
+            linear=lambda i, j: (np.zeros_like(i.sine), ratio(i.slip_x, i.cosine)),
             scale="impulse",
             low=-RATIO,
             high=RATIO,

@@ -20,7 +20,7 @@ def _plain(x: ArrayLike) -> Array:
     return found
 
 
-def _ratio(numerator: Array, denominator: Array) -> Array:
+def ratio(numerator: Array, denominator: Array) -> Array:
     """Quotient that is nan where the denominator vanishes: undefined, never a silent number."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return _plain(np.where(denominator == 0.0, np.nan, numerator / denominator))
@@ -91,7 +91,7 @@ class Rebound:
     @property
     def beta_cm(self) -> Array:
         """Tangential restitution of the centre, -v_x/u_x; nan at normal incidence (Eqs (28), (29))."""
-        return _ratio(-self.v_x, self.incidence.sine)
+        return ratio(-self.v_x, self.incidence.sine)
 
     @property
     def beta_tot(self) -> Array:
@@ -107,12 +107,12 @@ class Rebound:
     @property
     def mu_app(self) -> Array:
         """Apparent friction P_x/P_n, signed; nan at grazing incidence (Eqs (30), (31))."""
-        return _ratio(self._push[0], (1.0 + self.e_n) * self.incidence.cosine)
+        return ratio(self._push[0], (1.0 + self.e_n) * self.incidence.cosine)
 
     @property
     def mu_app_magnitude(self) -> Array:
         """|P_t|/|P_n|, the apparent friction of an impact with lateral spin."""
-        return _ratio(np.hypot(*self._push), (1.0 + self.e_n) * self.incidence.cosine)
+        return ratio(np.hypot(*self._push), (1.0 + self.e_n) * self.incidence.cosine)
 
     @property
     def delta(self) -> Array:
@@ -127,12 +127,12 @@ class Rebound:
     @property
     def tan_psi_after(self) -> Array:
         """V_x over the incoming normal velocity (Eqs (36), (37)); nan at grazing incidence."""
-        return _ratio(self.contact_x, self.incidence.cosine)
+        return ratio(self.contact_x, self.incidence.cosine)
 
     @property
     def tan_psi_out(self) -> Array:
         """V_x over the outgoing normal velocity: the geometric angle; nan if nothing leaves the wall."""
-        return _ratio(self.contact_x, self.v_n)
+        return ratio(self.contact_x, self.v_n)
 
     @property
     def psi_after(self) -> Array:

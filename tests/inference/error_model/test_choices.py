@@ -50,7 +50,7 @@ def said(call):
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        ({"tails": "cauchy"}, "--tails cauchy: choose gaussian or student-t."),
+        ({"tails": "cauchy"}, "--tails cauchy: choose gaussian or student-t"),
         ({"dof": 3.0}, "--dof belongs to --tails student-t"),
         ({"tails": "student-t", "dof": 0.2}, "--dof 0.2: choose 1 (Cauchy) or more"),
         ({"angle_errors": "berkson"}, "choose none, effective, set or measured"),
