@@ -36,6 +36,7 @@ ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
 # Values of the density that quadrature may take, each by its cost
 _MOST_WORK = 5e6  # a second or so, and 0.7 GB at most
+_LAST_WORK = 1e7  # where draws do not converge
 _COARSELY = 1e6  # where errors of some hundredths will do, and draws are not made series by series
 _OF_EVIDENCE = 5e5  # of the evidence alone, which takes few draws
 _COARSER = 1e-3, 2e-3, 5e-3  # errors of a grid, in sd, that sampling would hardly beat
@@ -86,22 +87,35 @@ def exact_posterior(
         return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
     if integrator == "sampling" or no_grid(problem):
         return sampled_posterior(problem, start, seed)
+    # up to where quadrature is not slower than draws
+    most_work = _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
+    found = _grid_up_to(most_work, problem, tolerance, start)
+    if found is not None and found.converged:
+        return found
+    sampled = sampled_posterior(problem, start, seed)
+    if sampled.converged:
+        return sampled
+    if found is None:  # rather slow than without an answer
+        found = _grid_up_to(_LAST_WORK, problem, tolerance, start)
+    return sampled if found is None or (not found.converged and sampled.error <= found.error) else found
+
+
+def _grid_up_to(
+    most_work: float, problem: Problem, tolerance: float, start: LeastSquaresFit
+) -> QuadraturePosterior | Mixture | None:
+    """The posterior by quadrature, with the tolerance that its errors reach; None where work is more."""
     try:
-        # up to where quadrature is not slower than draws
-        most_work = _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
         found = _small_grid(problem, tolerance, start, most_work)
     except GridTooLargeError:
-        return sampled_posterior(problem, start, seed)
-    if found.converged:
-        return found
-    of_moments = max(found.error_of_moments, found.error_evidence)
-    if of_moments <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
-        reached = max(found.error, found.error_evidence)
-        if reached <= _OF_QUANTILES:
-            stated = next(each for each in (*_COARSER, _OF_QUANTILES) if reached <= each)
-            return replace(found, tolerance=stated)
-    sampled = sampled_posterior(problem, start, seed)
-    return sampled if sampled.converged or sampled.error <= found.error else found
+        return None
+    if not found.converged:
+        of_moments = max(found.error_of_moments, found.error_evidence)
+        if of_moments <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
+            reached = max(found.error, found.error_evidence)
+            if reached <= _OF_QUANTILES:
+                stated = next(each for each in (*_COARSER, _OF_QUANTILES) if reached <= each)
+                return replace(found, tolerance=stated)
+    return found
 
 
 def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> ImportancePosterior:
