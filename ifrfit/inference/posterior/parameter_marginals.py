@@ -274,9 +274,9 @@ class ConditionalCdf:
         weight = grid.factor * grid.weight * grid.outer(share)
         alone = tuple(1 + axis for axis, n in enumerate(shape) if n == 1)
         weight = weight.sum(axis=alone, keepdims=True).reshape(2, -1)
-        density = np.arange(integrals.place.size).reshape(grid.f.shape[:3])
-        node = integrals.place[np.broadcast_to(density, shape).reshape(-1)]
-        mass = np.where(node >= 0, np.abs(weight).max(axis=0) * integrals.total[0].sum(axis=0)[node], 0.0)
+        density = np.arange(integrals.mode.size).reshape(grid.f.shape[:3])
+        node = np.broadcast_to(density, shape).reshape(-1)
+        mass = np.abs(weight).max(axis=0) * integrals.total[0].sum(axis=0)[node]
         at = np.flatnonzero(mass > math.exp(-grid.series.tail) / mass.size)
         self._integrals, self._threshold, self._shape = integrals, threshold, shape
         self._falls = falls
