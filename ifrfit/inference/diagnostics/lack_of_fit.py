@@ -24,6 +24,9 @@ _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whet
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
+_LEAST_DOF = 1e-3
+_PERCENT, _CREDIBLE = 100.0, 0.005  # factor of a sigma in percent, and tail of chi2 with which it is one
+_LARGE = 30.0  # factor from which a sigma is no estimate
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 
 
@@ -108,6 +111,20 @@ def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) 
     return square, max(int(given.sum()) - leverage, 0.0)
 
 
+def chi2_by_observable(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals
+) -> dict[str, tuple[float, float]]:
+    """Sum of squares and degrees of freedom of rows with known sigma, by observable."""
+    found = {}
+    for name in problem.rows.names:
+        rows = problem.rows.rows_of(name)
+        rows = rows[problem.noise.is_given[rows]]
+        square = float(residuals.standardised[rows] @ residuals.standardised[rows])
+        if rows.size:
+            found[name] = square, max(rows.size - float(fit.gaussian.leverage[rows].sum()), _LEAST_DOF)
+    return found
+
+
 def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
     """Name and p value of the test that speaks most against the fit, corrected for their number."""
     made = {name: p for name, p in tests.items() if not math.isnan(p)}
@@ -120,27 +137,44 @@ def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
 def scatter_too_small(
     problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, advise: bool = True
 ) -> Fact | None:
-    """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not.
+    """Whether rows scatter less than their sigma says: chi2 from below; None where they do not.
 
-    `advise` says whether to take sigma from the scatter: where errors are alike that would be too small.
+    Of all rows and of each observable, p times the number of tests. `advise` says whether to take sigma from
+    the scatter: where errors are alike that would be too small.
     """
     chi2, dof = chi2_of_given(problem, fit, residuals)
     if dof < 1:
         return None
-    p = float(special.chdtr(dof, chi2))
-    figures = {"p": p, "chi2": chi2, "dof": dof}
+    each = chi2_by_observable(problem, fit, residuals)
+    tests = 1 if len(each) < 2 else len(each) + 1
+    alone = {name: min(1.0, tests * float(special.chdtr(dof, chi2))) for name, (chi2, dof) in each.items()}
+    p = min(1.0, tests * float(special.chdtr(dof, chi2)), *alone.values())
     if p >= REFUTED:
         return None
+    narrow = [name for name in each if alone[name] < REFUTED]
     which, remedy = "the values", "--noise scaled"
     if problem.noise.is_mixed:
         which, remedy = "values whose sigma is given", "--noise unknown"
+    if 0 < len(narrow) < len(each):
+        which, remedy = f"the values of {joined(narrow)}", "--noise unknown"
+        chi2, dof = np.sum([each[name] for name in narrow], axis=0).tolist()
+    factor = math.sqrt(dof / max(chi2, 1e-300))
+    figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
     says = (
-        f"{which} scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
-        f"(chi2 = {chi2:.3g} for {dof:.0f} degrees of freedom, p = {p_text(p)}): sigma is too large, or is "
-        f"no standard uncertainty of one reading"
+        f"{which} scatter {factor:.{2 if factor < 99.5 else 3}g} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees "
+        f"of freedom, p = {p_text(p)}): {_too_large(chi2, dof, factor)}"
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
+
+
+def _too_large(chi2: float, dof: float, factor: float) -> str:
+    """What such a sigma may be."""
+    in_percent = float(special.chdtr(dof, chi2 * _PERCENT**2))
+    if min(in_percent, 1.0 - in_percent) > _CREDIBLE and 0.5 < factor / _PERCENT < 2.0:
+        return "sigma looks as if it were in percent: divide it by 100"
+    of_value = ", as one in percent of each value would be" if factor > _LARGE else ""
+    return f"sigma is too large{of_value}, or is no standard uncertainty of one reading"
 
 
 def _oblique_remedy(problem: Problem, whole: LeastSquaresFit) -> str:
