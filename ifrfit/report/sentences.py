@@ -285,8 +285,8 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         if not (partner and name == "predictive")
     ]
     alarms = [("LOOK", f.says) for name, f in facts if not f.ok and not is_quiet(name, f)]
-    fine = [("ok", fact.says) for _, fact in facts if fact.ok]
-    notes = [("note", f.says) for name, f in facts if not f.ok and is_quiet(name, f)]
+    fine = [("ok", fact.says) for _, fact in facts if fact.ok and fact.is_tested]
+    notes = [("note", f.says) for name, f in facts if not f.is_tested or (not f.ok and is_quiet(name, f))]
     notes += [("note", says) for says in scene_notes(result)]
     shown = {says for _, says in alarms + fine + notes}
     # that data are a stand-in is said at the very top

@@ -81,8 +81,8 @@ def lack_of_fit(
     figures |= {"test": test, "p": None if math.isnan(p) else p}
     if math.isnan(p):
         oblique = any(rows.size for rows in oblique_groups(problem))
-        says = "too few rows to test the fit" if oblique else "nothing to test: repeats of single values"
-        return Fact(True, says, figures, rule)
+        why = "there are too few rows" if oblique else "all rows are repeats of single values"
+        return Fact(True, f"the fit is not tested: {why}", figures | {"tested": False}, rule)
     if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
     # a smooth departure is none of one row, but where a common sigma tells how far off that is
@@ -160,9 +160,10 @@ def scatter_too_small(
         chi2, dof = np.sum([each[name] for name in narrow], axis=0).tolist()
     factor = math.sqrt(dof / max(chi2, 1e-300))
     figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
+    times = f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
     says = (
-        f"{which} scatter {factor:.{2 if factor < 99.5 else 3}g} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees "
-        f"of freedom, p = {p_text(p)}): {_too_large(chi2, dof, factor)}"
+        f"{which} scatter {times} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees of "
+        f"freedom, p = {p_text(p)}): {_too_large(chi2, dof, factor)}"
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])

@@ -46,9 +46,9 @@ def scatter_too_large(
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
     there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
-    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by its own
-    fact. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they are
-    taken.
+    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact
+    of its own. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they
+    are taken.
 
     Parameters
     ----------
@@ -104,7 +104,8 @@ def scatter_too_large(
             f"log likelihood falls by {drop:.3g})"
         )
     if uneven is None:
-        remedy = f"; --noise {scattered.noise.policy} takes its size from the scatter{', and looks for errors of the angles anew' * is_level}"
+        anew = ", and looks for errors of the angles anew" if is_level else ""
+        remedy = f"; --noise {scattered.noise.policy} takes its size from the scatter{anew}"
     says = (
         f"{which} scatter {factor:.2g} times more than their sigma, without a trend (chi2 = {squares:.3g} "
         f"for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): {why}{remedy}"

@@ -98,18 +98,19 @@ FACTS = {
     "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
     "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, "
     f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named "
-    f"beside it where they take no {ALIKE:g} less; errors of one size that sigma does not have take {ALIKE:g} "
-    "less",
+    f"beside it where they take no {ALIKE:g} less; errors of one size that sigma does not have take "
+    f"{ALIKE:g} less",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, of all rows or of one "
         "observable (times their number), where no slip or effect leaves p >= 0.01 and explains more than "
         "errors of one size; and with the noise taken from the scatter there is no lack of fit (p >= 0.05), "
         "no outlier but under a noise that changes with the angle, no slip, effect or series that differs; "
-        f"errors of one size are called for where they take {ALIKE:g} more off -2 log likelihood than a factor "
-        "on sigma, without the row that speaks most"
+        f"errors of one size are called for where they take {ALIKE:g} more off -2 log likelihood than a "
+        "factor on sigma, without the row that speaks most"
     ),
-    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, of "
-    "all rows or of one observable (times their number); in percent where a hundredth of it leaves p >= 0.01",
+    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
+    "of all rows or of one observable (times their number); in percent where a hundredth of it leaves "
+    "p >= 0.01",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "

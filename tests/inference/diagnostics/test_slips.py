@@ -134,10 +134,13 @@ def test_a_slip_stands_before_what_follows_from_it():
     assert "LOOK  the table looks as if it had a slip in it" in result.summary()
 
 
-def test_few_rows_say_so(tmp_path):
-    path = impacts_file(tmp_path / "t.csv", {"gamma": [10.0, 30.0, 50.0], "noise": 0.01, "sigma": 0.01})
-    says = fit(path, method="lsq", fix={"e_n": 0.94}).facts["slips"].says
-    assert says == "too few rows to tell a slip in the table"
+def test_few_rows_are_not_tested_rather_than_fine(tmp_path):
+    path = impacts_file(tmp_path / "t.csv", {"gamma": [10.0, 30.0, 50.0], "noise": 0.01, "sigma": None})
+    result = fit(path, method="lsq", fix={"e_n": 0.94})
+    assert result.facts["slips"].says == "no slip in the table is looked for: there are too few rows"
+    notes = [line for line in result.summary().splitlines() if "too few rows" in line]
+    assert [line.split()[0] for line in notes] == ["note", "note", "note"]
+    assert not any(result.facts[name].is_tested for name in ("slips", "lack_of_fit", "outliers"))
 
 
 TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
