@@ -137,3 +137,29 @@ def test_e_n_that_was_read_at_other_angles_is_an_assumption(tmp_path, angle, tol
     found = ifrfit.fit(impacts_file(tmp_path / "t.csv", e_n, beta), method="lsq")
     words = "e_n as read at 0 degrees, for impacts at 8 to 80"
     assert (words in found.assumed) == told
+
+
+@pytest.mark.parametrize(
+    ("step", "were_set", "said"),
+    [(5.0, False, True), (10.0, False, True), (5.0, True, False), (1.0, False, False)],
+)
+def test_angles_that_may_have_been_rounded_down(tmp_path, step, were_set, said):
+    """With what half a step moves: as 1 degree does, times half a step."""
+    gamma = np.random.default_rng(1).uniform(10.0, 85.0, 60)
+    given = np.arange(5.0, 86.0, 5.0) if were_set else step * np.floor(gamma / step)
+    path = impacts_file(
+        tmp_path / "t.csv", {"gamma": np.arange(5.0, 86.0, 5.0) if were_set else gamma, "noise": 0.02}
+    )
+    angles = iter(given.tolist())
+    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+    rows = [[*line[:2], repr(next(angles)), *line[3:]] for line in lines[1:]]
+    path.write_text("\n".join(",".join(row) for row in [lines[0], *rows]) + "\n", encoding="utf-8")
+    fit = ifrfit.fit(path, method="lsq", fix=FIX)
+    words = f"angles of incidence, all multiples of {step:g} degrees, exact (rounded down they would be "
+    assert fit.assumed[-1].startswith(words + f"{0.5 * step:g} too small") is said
+    if said:
+        moved = moved_by(
+            fit.problem, fit.least_squares, slope_by_offset(fit.problem, fit.least_squares.optimum.theta)
+        )
+        name, by = fit.assumed[-1].split("would move ")[1].split(",")[0].split(" by ")
+        assert float(by) == pytest.approx(0.5 * step * abs(moved[name]), rel=0.1)
