@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings
 from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
@@ -35,6 +38,7 @@ _OF_NOISE = {
 _INDEPENDENT = "errors independent of one another"
 _COMPONENTS = ("v_x", "v_y", "v_n")
 _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
+_TILT = 5.0  # degrees by which a camera may look past the plane of motion, as an example
 _COMPLETE = "no reading left out or picked for its value"
 
 
@@ -65,11 +69,34 @@ def assumed_of(
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
-    at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
+    at_wall = _camera_words(problem, fit, moved)
     elsewhere = _restitution_words(problem)
     zero = _spin_zero_words(problem, fit, moved)
-    every = (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset, zero)
+    every = (plane, at_wall, elsewhere, _scale_words(problem), words, of_errors, _COMPLETE, offset, zero)
     return tuple(said for said in every if said)
+
+
+def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
+    """That velocities are those at the wall, and what a camera that shortens those along it would move."""
+    if not set(_COMPONENTS) & set(problem.rows.names):
+        return ""
+    theta = fit.optimum.theta
+    shorter = Flaw(along=math.cos(math.radians(_TILT)) - 1.0)
+    # values read so, taken as they stand
+    most, share = moved(problem.predict(theta) - readings(problem, theta, shorter))
+    if share <= _MATTERS:
+        return _AT_THE_WALL
+    return (
+        f"{_AT_THE_WALL} (a camera that looks {_TILT:g} degrees past the plane of motion would move {most})"
+    )
+
+
+def _scale_words(problem: Problem) -> str:
+    """That values are as read, where the largest of a series is 1 in every decimal."""
+    rows = problem.rows
+    own = [rows.names[rows.which[at[0]]] for at in problem.groups().values() if normalised(rows.value[at])]
+    named = joined(list(dict.fromkeys(own)))
+    return f"{named} as read, not divided by the largest, which is 1 exactly" if own else ""
 
 
 def _restitution_words(problem: Problem) -> str:

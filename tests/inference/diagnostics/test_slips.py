@@ -271,3 +271,19 @@ def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
     assert failing[:2] == ["slips", "angular_momentum"]
     assert facts["slips"].figures["called"][0] == "spins-halved spin_y_after"
     assert "spins 2 times as large close as well" in facts["angular_momentum"].says
+
+
+def test_values_divided_by_their_largest():
+    """Tried only where the largest is 1 in every decimal."""
+    result = fitted(BETA, Cause(), 1)
+    table = result.problem.observations.table.copy()
+    largest = float(table.loc[table.observable == "beta", "value"].max())
+    for by, called in ((largest, True), (1.01 * largest, False)):
+        other = table.copy()
+        other.loc[table.observable == "beta", "value"] = (table.value / by).round(4)
+        other["sigma"] = np.nan
+        fact = fit(type(result.problem.observations)(other), method="lsq", independent=True).facts["slips"]
+        assert (fact.figures["called"][:1] == ["divided-by-largest"]) is called
+        if called:
+            percent = float(fact.says.split("largest is 1 exactly, ")[1].split()[0])
+            assert percent == pytest.approx(100.0 * (1.0 / largest - 1.0), abs=2.0)

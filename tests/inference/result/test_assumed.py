@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from factories import impacts_file
+from factories import impacts_file, table_file
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
@@ -14,6 +14,7 @@ from ifrfit.inference.optimize.angle_offset import slope_by_offset
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import AngleErrors, Noise
 from ifrfit.inference.result.assumptions import moved_by
+from ifrfit.physics import rebound
 from ifrfit.report.page import page
 
 SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90, 8), [
@@ -163,3 +164,31 @@ def test_angles_that_may_have_been_rounded_down(tmp_path, step, were_set, said):
         )
         name, by = fit.assumed[-1].split("would move ")[1].split(",")[0].split(" by ")
         assert float(by) == pytest.approx(0.5 * step * abs(moved[name]), rel=0.1)
+
+
+def test_a_camera_past_the_plane_of_motion(tmp_path):
+    """What it would move is what one that looks 5 degrees past it moves."""
+    gamma = np.linspace(8.0, 80.0, 60)
+    state = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    v_x, v_n = (v + 0.003 * np.random.default_rng(0).standard_normal(60) for v in (state.v_x, state.v_n))
+    fits = []
+    for shorter in (1.0, np.cos(np.radians(5.0))):
+        columns = {
+            "u_x_m_s": shorter * np.sin(np.radians(gamma)),
+            "u_z_m_s": np.cos(np.radians(gamma)),
+            "v_x_m_s": shorter * v_x,
+            "v_z_m_s": -v_n,
+        }
+        fits.append(ifrfit.fit(table_file(tmp_path / "t.csv", columns), method="lsq"))
+    (said,) = (one for one in fits[0].assumed if "past the plane" in one)
+    name, by = said.split("would move ")[1].split(",")[0].split(" by ")
+    moved = fits[1].constants[name].value - fits[0].constants[name].value
+    assert abs(moved) == pytest.approx(float(by), rel=0.1)
+
+
+def test_a_largest_reading_of_one(file):
+    said = "beta as read, not divided by the largest, which is 1 exactly"
+    table = SILENT.replace("0.62", "1.000").replace("0.58", "0.583")
+    assert said in ifrfit.fit(file(table), method="lsq", fix=FIX).assumed
+    assert said not in ifrfit.fit(file(table.replace("1.000", "1.002")), method="lsq", fix=FIX).assumed
+    assert said not in ifrfit.fit(file(SILENT.replace("0.62", "1")), method="lsq", fix=FIX).assumed

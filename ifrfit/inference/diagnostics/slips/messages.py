@@ -68,6 +68,10 @@ _SIZED = {
         "lengths along the wall {percent} off beside those across it",
         "check that pixels are squares and that the camera looks along the wall",
     ),
+    "divided-by-largest": (
+        "values whose largest is 1 exactly, {percent} too large, as where they were divided by it",
+        "give them as they were read",
+    ),
     "spin-scale": ("spins {percent} off beside the speeds", "check the radius and the scale"),
     "incoming-spin": (
         "spin before impact that is not in it, R omega_y/u of some {size}",
