@@ -160,19 +160,31 @@ def scatter_too_small(
         chi2, dof = np.sum([each[name] for name in narrow], axis=0).tolist()
     factor = math.sqrt(dof / max(chi2, 1e-300))
     figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
+    of = [problem.rows.names.index(name) for name in narrow or each]
+    rows = np.flatnonzero(problem.noise.is_given & np.isin(problem.rows.which, of))
+    why = _too_large(problem, rows, residuals.standardised[rows], dof, factor)
     times = f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
     says = (
         f"{which} scatter {times} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees of "
-        f"freedom, p = {p_text(p)}): {_too_large(chi2, dof, factor)}"
+        f"freedom, p = {p_text(p)}): {why}"
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
 
 
-def _too_large(chi2: float, dof: float, factor: float) -> str:
-    """What such a sigma may be."""
-    in_percent = float(special.chdtr(dof, chi2 * _PERCENT**2))
-    if min(in_percent, 1.0 - in_percent) > _CREDIBLE and 0.5 < factor / _PERCENT < 2.0:
+def _too_large(problem: Problem, rows: Index, r: Array, dof: float, factor: float) -> str:
+    """What such a sigma of some rows, (m,), may be, by their standardised residuals, (m,)."""
+
+    def fits(divisor: Array) -> bool:
+        p = float(special.chdtr(dof, ((r * divisor) ** 2).sum()))
+        return min(p, 1.0 - p) > _CREDIBLE
+
+    count = problem.observations.table["n_repeats"].to_numpy(dtype=float)[rows]
+    if (count > 1.0).any() and fits(np.sqrt(count)):
+        return (
+            "sigma looks as if it were that of one of the n readings of each row: divide it by the root of n"
+        )
+    if fits(np.full(r.size, _PERCENT)) and 0.5 < factor / _PERCENT < 2.0:
         return "sigma looks as if it were in percent: divide it by 100"
     of_value = ", as one in percent of each value would be" if factor > _LARGE else ""
     return f"sigma is too large{of_value}, or is no standard uncertainty of one reading"

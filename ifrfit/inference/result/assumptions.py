@@ -72,7 +72,18 @@ def assumed_of(
     at_wall = _camera_words(problem, fit, moved)
     elsewhere = _restitution_words(problem)
     zero = _spin_zero_words(problem, fit, moved)
-    every = (plane, at_wall, elsewhere, _scale_words(problem), words, of_errors, _COMPLETE, offset, zero)
+    every = (
+        plane,
+        at_wall,
+        elsewhere,
+        _scale_words(problem),
+        words,
+        _count_words(problem),
+        of_errors,
+        _COMPLETE,
+        offset,
+        zero,
+    )
     return tuple(said for said in every if said)
 
 
@@ -89,6 +100,18 @@ def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     return (
         f"{_AT_THE_WALL} (a camera that looks {_TILT:g} degrees past the plane of motion would move {most})"
     )
+
+
+def _count_words(problem: Problem) -> str:
+    """What numbers of readings behind a row, which a user gives, are not used for."""
+    table, stated = problem.observations.table, problem.observations.sources
+    if not any(source.descriptor is None for source in stated) or not (table["n_repeats"] > 1).any():
+        return ""
+    if problem.noise.has_unknown:
+        return (
+            "as much weight for each row whatever its n (else a sigma in every row, as s over the root of n)"
+        )
+    return "sigma that of the mean of the n readings of a row, not of one of them"
 
 
 def _scale_words(problem: Problem) -> str:

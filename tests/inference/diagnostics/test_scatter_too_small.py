@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import impacts_file
+from factories import impacts_file, table_file
 
 from ifrfit import fit
+from ifrfit.physics import rebound
 
 ANGLES = np.linspace(5.0, 85.0, 40)
 
@@ -45,6 +46,26 @@ def test_what_nothing_fixes_is_said_with_a_large_sigma_too(tmp_path):
     facts = fit(impacts_file(tmp_path / "t.csv", beta), method="lsq").facts
     assert not facts["scatter_too_small"].ok
     assert "give e_n a value" in facts["identifiable"].says
+
+
+def test_sigma_of_single_readings_beside_their_means(tmp_path):
+    """Means of n readings, with the sd of one of them."""
+    n = np.where(np.arange(40) % 2, 4, 16)
+    beta = rebound(ANGLES, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta
+    beta = beta + 0.02 / np.sqrt(n) * np.random.default_rng(3).standard_normal(40)
+    columns = {"gamma_deg": ANGLES, "beta": beta, "beta_sigma": 0.02, "n": n}
+    path, fixed = tmp_path / "t.csv", {"e_n": 0.9}
+    result = fit(table_file(path, columns), method="lsq", fix=fixed)
+    assert (
+        "one of the n readings of each row: divide it by the root of n"
+        in result.facts["scatter_too_small"].says
+    )
+    assert "sigma that of the mean of the n readings of a row, not of one of them" in result.assumed
+    right = columns | {"beta_sigma": 0.02 / np.sqrt(n)}
+    assert "scatter_too_small" not in fit(table_file(path, right), method="lsq", fix=fixed).facts
+    del columns["beta_sigma"]
+    assumed = fit(table_file(path, columns), method="lsq", fix=fixed).assumed
+    assert any(words.startswith("as much weight for each row whatever its n") for words in assumed)
 
 
 def test_a_right_sigma_is_none(tmp_path):

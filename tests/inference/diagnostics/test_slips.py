@@ -287,3 +287,23 @@ def test_values_divided_by_their_largest():
         if called:
             percent = float(fact.says.split("largest is 1 exactly, ")[1].split()[0])
             assert percent == pytest.approx(100.0 * (1.0 / largest - 1.0), abs=2.0)
+
+
+def test_sizes_of_spins_and_columns_that_were_sorted_by_themselves(tmp_path):
+    rng = np.random.default_rng(2)
+    spin = rng.normal(0.0, 0.6, 40)
+    gamma = rng.uniform(8.0, 80.0, 40)
+    state = rebound(gamma, spin_y=spin, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    columns = {
+        "gamma_deg": gamma,
+        "spin_y": spin,
+        "spin_y_after": np.abs(state.spin_y + 0.01 * rng.standard_normal(40)),
+        "e_n": 0.9 + 0.01 * rng.standard_normal(40),
+    }
+    says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
+    assert says.startswith("the table looks as if it had spin_y_after without its sign")
+    state = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    columns = {"gamma_deg": gamma, "beta": state.beta + 0.02 * rng.standard_normal(40), "e_n": columns["e_n"]}
+    columns = {name: np.sort(column) for name, column in columns.items()}
+    says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
+    assert says.startswith("the table looks as if it had beta sorted by itself, not along with the angles")

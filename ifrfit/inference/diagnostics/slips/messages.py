@@ -119,6 +119,10 @@ _UNSIZED = {
     ),
     "sign": ("the opposite sign in {0}", "turn the sign round"),
     "exchanged": ("{0} in each other's columns", "exchange the headers"),
+    "sorted": (
+        "{0} sorted by itself, not along with the angles",
+        "give each value beside the angle that it was read at",
+    ),
     "squared": ("{0} as a ratio of energies or heights", "take the square root of {0}"),
     "percent": ("{0} in percent", "divide {0} by 100"),
     "radians": ("{0} in radians", "call the column {1}_rad"),
