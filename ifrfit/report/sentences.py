@@ -149,7 +149,8 @@ def _method_words(result: FitResult) -> str:
 def noise_words(result: FitResult) -> str:
     """What was taken for noise."""
     noise = result.noise
-    count = len(noise.estimates or {sigma for key, sigma in noise.sigma.items() if key not in noise.given})
+    sizes = {f"{sigma:.9g}" for key, sigma in noise.sigma.items() if key not in noise.given}
+    count = len(noise.estimates or sizes)
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     unknown = f"{number} unknown noise{'s' if count != 1 else ''}"
     named = {"known": "known noise", "scaled": "noise scaled", "mixed": f"{unknown} beside given sigma"}

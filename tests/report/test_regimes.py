@@ -34,3 +34,22 @@ def test_regimes_are_those_of_the_true_angles(tmp_path):
     noise = Noise(angles=AngleErrors(offset_sd=5.0))
     result = fit(path, method="lsq", fix={"e_n": 0.94}, noise=noise)
     assert regime_counts(result, "run") == (6, 10)
+
+
+def test_many_series_of_one_transition_have_one_line(tmp_path):
+    """Each row a series: their noise is one, too, whatever rounding makes of it in each."""
+    parts = [
+        {"gamma": [gamma], "noise": 0.01, "sigma": None, "series": f"s{i}", "seed": i}
+        for i, gamma in enumerate(ANGLES.tolist())
+    ]
+    says = fit(impacts_file(tmp_path / "t.csv", *parts), method="lsq", fix={"e_n": 0.94}).summary()
+    assert "all 17 series: 6 impacts stick, 11 slide; transition at" in says
+    assert "s3:" not in says
+    unequal = [
+        {"gamma": ANGLES[:-1], "noise": 0.016, "sigma": None, "series": "a"},
+        parts[-1] | {"series": "b"},
+    ]
+    assert (
+        "one unknown noise"
+        in fit(impacts_file(tmp_path / "t.csv", *unequal), method="lsq", fix={"e_n": 0.94}).summary()
+    )

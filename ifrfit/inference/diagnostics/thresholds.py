@@ -118,7 +118,8 @@ FACTS = {
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
-    "along the wall, of spins and of values whose largest is exactly 1, spin before that is not in the table, another inertia factor, a constant "
+    "along the wall, of spins and of values whose largest is exactly 1, spin before that is not in the "
+    "table, another inertia factor, a constant "
     f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with "
     "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, values "
     "sorted by themselves, exchanged columns, spins in other units, centre for contact point, 0 or one "
@@ -128,7 +129,9 @@ FACTS = {
     f"{ALIKE:g} less, and angles have room for their offset; drifts are looked for unless the table was "
     "sorted by angle, speed or the values of an observable; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
-    "every decimal, by noise and rounding (Poisson)",
+    "every decimal, by noise and rounding (Poisson); or, where no misfit is found, changes of the residuals "
+    "of two observables of one velocity from one angle to the next correlate by more than 0.95 "
+    f"(p < {REFUTED:g}, times the number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",
