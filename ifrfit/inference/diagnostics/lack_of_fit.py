@@ -24,7 +24,6 @@ _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whet
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
-_LEAST_DOF = 1e-3
 _PERCENT, _CREDIBLE = 100.0, 0.005  # factor of a sigma in percent, and tail of chi2 with which it is one
 _LARGE = 30.0  # factor from which a sigma is no estimate
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
@@ -114,14 +113,15 @@ def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) 
 def chi2_by_observable(
     problem: Problem, fit: LeastSquaresFit, residuals: Residuals
 ) -> dict[str, tuple[float, float]]:
-    """Sum of squares and degrees of freedom of rows with known sigma, by observable."""
+    """Sum of squares and degrees of freedom of rows with known sigma, by observable; of those with one."""
     found = {}
     for name in problem.rows.names:
         rows = problem.rows.rows_of(name)
         rows = rows[problem.noise.is_given[rows]]
         square = float(residuals.standardised[rows] @ residuals.standardised[rows])
-        if rows.size:
-            found[name] = square, max(rows.size - float(fit.gaussian.leverage[rows].sum()), _LEAST_DOF)
+        dof = rows.size - float(fit.gaussian.leverage[rows].sum())
+        if dof >= 1.0:
+            found[name] = square, dof
     return found
 
 
@@ -143,10 +143,10 @@ def scatter_too_small(
     the scatter: where errors are alike that would be too small.
     """
     chi2, dof = chi2_of_given(problem, fit, residuals)
-    if dof < 1:
-        return None
     each = chi2_by_observable(problem, fit, residuals)
-    tests = 1 if len(each) < 2 else len(each) + 1
+    if dof < 1 or not each:
+        return None
+    tests = 1 if len(problem.rows.names) == 1 else len(each) + 1
     alone = {name: min(1.0, tests * float(special.chdtr(dof, chi2))) for name, (chi2, dof) in each.items()}
     p = min(1.0, tests * float(special.chdtr(dof, chi2)), *alone.values())
     if p >= REFUTED:

@@ -39,7 +39,7 @@ def one_velocity(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         steps = np.diff(z[rows], axis=0)
         if not steps.std(axis=0).all():
             continue
-        r = abs(float(np.corrcoef(steps.T)[0, 1]))
+        r = abs(float(np.atleast_2d(np.corrcoef(steps.T))[0, 1]))
         dof = 0.5 * len(steps) - 2.0
         t = r * np.sqrt(dof / max(1.0 - r * r, 1e-15))
         p = min(1.0, len(pairs) * 2.0 * float(special.stdtr(dof, -t)))

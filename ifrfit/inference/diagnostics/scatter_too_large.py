@@ -69,8 +69,8 @@ def scatter_too_large(
     chi2, dof = chi2_of_given(problem, fit, residuals)
     each = chi2_by_observable(problem, fit, residuals)
     p_each = {name: float(special.chdtrc(dof, square)) for name, (square, dof) in each.items()}
-    refuted = not lack.ok or (len(each) + 1) * min(p_each.values()) < REFUTED
-    if not refuted or dof < _FEWEST:
+    refuted = not lack.ok or (len(each) + 1) * min(p_each.values(), default=1.0) < REFUTED
+    if not refuted or dof < _FEWEST or not each:
         return None
     wide = [name for name in each if p_each[name] < REFUTED] or list(each)
     of_all = len(wide) == len(each)
