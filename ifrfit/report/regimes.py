@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _REGIMES = ("sticking", "sliding")
+_MOST_LINES = 8  # series that have one each
 # share of the axis that a word takes: across, upright, in the small type of a strip
 ACROSS, UPRIGHT, IN_STRIP = 0.17, 0.035, 0.13
 
@@ -103,20 +104,23 @@ def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
 
 
 def regime_lines(result: FitResult, sign: str = "+-") -> list[str]:
-    """One line a series: how many impacts stick and slide, and where the transition is."""
+    """One line a series: how many impacts stick and slide, and where the transition is.
+
+    Of many series that have one transition, one line.
+    """
     names = angled_series(result)
-    lines = []
-    for series in names:
-        prefix = f"{series}: " if len(names) > 1 else ""
-        if not len(result.points):
-            lines.append(prefix + transition_words(result, series, None, sign))
-            continue
-        stick, slide = regime_counts(result, series)
-        sticks, slides = does(result, "sticking", one=stick == 1), does(result, "sliding", one=slide == 1)
-        counts = f"{stick} impact{'' if stick == 1 else 's'} {sticks}, {slide} {slides}"
-        words = transition_words(result, series, (stick, slide), sign)
-        lines.append(f"{prefix}{counts}; {words}")
-    return lines
+    counts = {name: regime_counts(result, name) for name in names} if len(result.points) else {}
+    words = {name: transition_words(result, name, counts.get(name), sign) for name in names}
+    if len(counts) > _MOST_LINES and len(set(words.values())) == 1:
+        stick, slide = (sum(each[regime] for each in counts.values()) for regime in (0, 1))
+        return [f"all {len(names)} series: {_counted(result, stick, slide)}{words[names[0]]}"]
+    lines = [(_counted(result, *counts[name]) if counts else "") + words[name] for name in names]
+    return [f"{name}: {line}" for name, line in zip(names, lines, strict=True)] if len(names) > 1 else lines
+
+
+def _counted(result: FitResult, stick: int, slide: int) -> str:
+    sticks, slides = does(result, "sticking", one=stick == 1), does(result, "sliding", one=slide == 1)
+    return f"{stick} impact{'' if stick == 1 else 's'} {sticks}, {slide} {slides}; "
 
 
 def transition_words(result: FitResult, series: str, counts: tuple[int, int] | None, sign: str) -> str:

@@ -149,7 +149,8 @@ def _method_words(result: FitResult) -> str:
 def noise_words(result: FitResult) -> str:
     """What was taken for noise."""
     noise = result.noise
-    count = len(noise.estimates or {sigma for key, sigma in noise.sigma.items() if key not in noise.given})
+    sizes = {f"{sigma:.9g}" for key, sigma in noise.sigma.items() if key not in noise.given}
+    count = len(noise.estimates or sizes)
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     unknown = f"{number} unknown noise{'s' if count != 1 else ''}"
     named = {"known": "known noise", "scaled": "noise scaled", "mixed": f"{unknown} beside given sigma"}
@@ -285,8 +286,8 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         if not (partner and name == "predictive")
     ]
     alarms = [("LOOK", f.says) for name, f in facts if not f.ok and not is_quiet(name, f)]
-    fine = [("ok", fact.says) for _, fact in facts if fact.ok]
-    notes = [("note", f.says) for name, f in facts if not f.ok and is_quiet(name, f)]
+    fine = [("ok", fact.says) for _, fact in facts if fact.ok and fact.is_tested]
+    notes = [("note", f.says) for name, f in facts if not f.is_tested or (not f.ok and is_quiet(name, f))]
     notes += [("note", says) for says in scene_notes(result)]
     shown = {says for _, says in alarms + fine + notes}
     # that data are a stand-in is said at the very top

@@ -34,3 +34,29 @@ def test_regimes_are_those_of_the_true_angles(tmp_path):
     noise = Noise(angles=AngleErrors(offset_sd=5.0))
     result = fit(path, method="lsq", fix={"e_n": 0.94}, noise=noise)
     assert regime_counts(result, "run") == (6, 10)
+
+
+def test_many_series_of_one_transition_have_one_line(tmp_path):
+    """Each row a series: their noise is one, too, whatever rounding makes of it in each."""
+    parts = [
+        {"gamma": [gamma], "noise": 0.01, "sigma": None, "series": f"s{i}", "seed": i}
+        for i, gamma in enumerate(ANGLES.tolist())
+    ]
+    says = fit(impacts_file(tmp_path / "t.csv", *parts), method="lsq", fix={"e_n": 0.94}).summary()
+    assert "all 17 series: 6 impacts stick, 11 slide; transition at" in says
+    assert "s3:" not in says
+
+
+def test_one_noise_of_two_series_is_one(tmp_path):
+    """Whatever rounding makes of it in a series of one row."""
+    for seed in range(4):
+        of_a = {
+            "gamma": np.linspace(5.0, 80.0, 12),
+            "noise": 0.02,
+            "sigma": None,
+            "series": "a",
+            "seed": seed,
+        }
+        of_b = {"gamma": [85.0], "noise": 0.02, "sigma": None, "series": "b", "seed": 9 + seed}
+        result = fit(impacts_file(tmp_path / "t.csv", of_a, of_b), method="lsq", fix={"e_n": 0.94})
+        assert "one unknown noise" in result.summary()

@@ -23,6 +23,7 @@ from ifrfit.inference.diagnostics.rival_scatter import (
     drop_of_angle,
     drop_of_even,
     drop_of_growth,
+    drop_of_level,
     fall_of_outliers,
 )
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
@@ -45,6 +46,7 @@ _ALIKE = {
     "effects": "a further effect",
     "sigma": "a sigma that is too small (--noise scaled)",
     "constants": "a constant that differs from impact to impact",
+    "level": "errors of one size, whatever sigma says (--noise unknown)",
     "growth": "errors that grow with the value",
     "angle": "errors whose size changes with the angle",
     "outliers": "outliers",
@@ -73,7 +75,8 @@ def angle_scatter(
     The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
     counts where no lack of fit is left (p >= 0.01) and nothing else explains more by `ALIKE`: a sigma that is
     too small, a scatter that grows with the value or changes with the angle, slips and effects that were
-    found, impacts of two kinds. What explains as much is named beside it.
+    found, impacts of two kinds. What explains as much is named beside it. Errors of one size that sigma does
+    not have are told first where they explain as much: with them the angles are asked again.
 
     Parameters
     ----------
@@ -153,6 +156,9 @@ def _rivals(
         "constants": (min(of_constants - drop, ALIKE), None),
         "outliers": (fall_of_outliers(problem, slopes) - errors.fall, None),
     }
+    _, level = drop_of_level(problem, slopes, fit.sigma)
+    if level > drop_of_even(problem, slopes) + ALIKE:
+        rivals["level"] = level - drop + 2.0 * ALIKE, None
     growing = growing_scatter(problem, fit, residuals_of(problem, fit))
     if growing is not None:
         rivals["growing_scatter"] = float(growing.fact.figures["drop"]) - drop, growing.fact

@@ -110,8 +110,8 @@ def slips_first(
     rest = {} if effects is None or differ else {"effects": effects}
     rule = FACTS["slips"]
     if ComparedFit.of(problem, fit).dof < _FEWEST:
-        says = "too few rows to tell a slip in the table"
-        none = Fact(True, says, {"called": [], "tests": {}}, rule)
+        says = "no slip in the table is looked for: there are too few rows"
+        none = Fact(True, says, {"called": [], "tests": {}, "tested": False}, rule)
         return pooling | ({} if differ else {"slips": none}) | rest
     slips = tried(problem, fit, differ=differ)
     found: dict[str, float] = {}

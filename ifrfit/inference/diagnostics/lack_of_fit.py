@@ -24,6 +24,8 @@ _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whet
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
+_PERCENT, _CREDIBLE = 100.0, 0.005  # factor of a sigma in percent, and tail of chi2 with which it is one
+_LARGE = 30.0  # factor from which a sigma is no estimate
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 
 
@@ -78,8 +80,8 @@ def lack_of_fit(
     figures |= {"test": test, "p": None if math.isnan(p) else p}
     if math.isnan(p):
         oblique = any(rows.size for rows in oblique_groups(problem))
-        says = "too few rows to test the fit" if oblique else "nothing to test: repeats of single values"
-        return Fact(True, says, figures, rule)
+        why = "there are too few rows" if oblique else "all rows are repeats of single values"
+        return Fact(True, f"the fit is not tested: {why}", figures | {"tested": False}, rule)
     if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
     # a smooth departure is none of one row, but where a common sigma tells how far off that is
@@ -108,6 +110,21 @@ def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) 
     return square, max(int(given.sum()) - leverage, 0.0)
 
 
+def chi2_by_observable(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals
+) -> dict[str, tuple[float, float]]:
+    """Sum of squares and degrees of freedom of rows with known sigma, by observable; of those with one."""
+    found = {}
+    for name in problem.rows.names:
+        rows = problem.rows.rows_of(name)
+        rows = rows[problem.noise.is_given[rows]]
+        square = float(residuals.standardised[rows] @ residuals.standardised[rows])
+        dof = rows.size - float(fit.gaussian.leverage[rows].sum())
+        if dof >= 1.0:
+            found[name] = square, dof
+    return found
+
+
 def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
     """Name and p value of the test that speaks most against the fit, corrected for their number."""
     made = {name: p for name, p in tests.items() if not math.isnan(p)}
@@ -120,27 +137,57 @@ def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
 def scatter_too_small(
     problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, advise: bool = True
 ) -> Fact | None:
-    """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not.
+    """Whether rows scatter less than their sigma says: chi2 from below; None where they do not.
 
-    `advise` says whether to take sigma from the scatter: where errors are alike that would be too small.
+    Of all rows and of each observable, p times the number of tests. `advise` says whether to take sigma from
+    the scatter: where errors are alike that would be too small.
     """
     chi2, dof = chi2_of_given(problem, fit, residuals)
-    if dof < 1:
+    each = chi2_by_observable(problem, fit, residuals)
+    if dof < 1 or not each:
         return None
-    p = float(special.chdtr(dof, chi2))
-    figures = {"p": p, "chi2": chi2, "dof": dof}
+    tests = 1 if len(problem.rows.names) == 1 else len(each) + 1
+    alone = {name: min(1.0, tests * float(special.chdtr(dof, chi2))) for name, (chi2, dof) in each.items()}
+    p = min(1.0, tests * float(special.chdtr(dof, chi2)), *alone.values())
     if p >= REFUTED:
         return None
+    narrow = [name for name in each if alone[name] < REFUTED]
     which, remedy = "the values", "--noise scaled"
     if problem.noise.is_mixed:
         which, remedy = "values whose sigma is given", "--noise unknown"
+    if 0 < len(narrow) < len(each):
+        which, remedy = f"the values of {joined(narrow)}", "--noise unknown"
+        chi2, dof = np.sum([each[name] for name in narrow], axis=0).tolist()
+    factor = math.sqrt(dof / max(chi2, 1e-300))
+    figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
+    of = [problem.rows.names.index(name) for name in narrow or each]
+    rows = np.flatnonzero(problem.noise.is_given & np.isin(problem.rows.which, of))
+    why = _too_large(problem, rows, residuals.standardised[rows], dof, factor)
+    times = f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
     says = (
-        f"{which} scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
-        f"(chi2 = {chi2:.3g} for {dof:.0f} degrees of freedom, p = {p_text(p)}): sigma is too large, or is "
-        f"no standard uncertainty of one reading"
+        f"{which} scatter {times} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees of "
+        f"freedom, p = {p_text(p)}): {why}"
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
+
+
+def _too_large(problem: Problem, rows: Index, r: Array, dof: float, factor: float) -> str:
+    """What such a sigma of some rows, (m,), may be, by their standardised residuals, (m,)."""
+
+    def fits(divisor: Array) -> bool:
+        p = float(special.chdtr(dof, ((r * divisor) ** 2).sum()))
+        return min(p, 1.0 - p) > _CREDIBLE
+
+    count = problem.observations.table["n_repeats"].to_numpy(dtype=float)[rows]
+    if (count > 1.0).any() and fits(np.sqrt(count)):
+        return (
+            "sigma looks as if it were that of one of the n readings of each row: divide it by the root of n"
+        )
+    if fits(np.full(r.size, _PERCENT)) and 0.5 < factor / _PERCENT < 2.0:
+        return "sigma looks as if it were in percent: divide it by 100"
+    of_value = ", as one in percent of each value would be" if factor > _LARGE else ""
+    return f"sigma is too large{of_value}, or is no standard uncertainty of one reading"
 
 
 def _oblique_remedy(problem: Problem, whole: LeastSquaresFit) -> str:

@@ -148,10 +148,12 @@ def identifiable(
     n_sliding: int,
     *,
     slip: bool = False,
+    too_large: float = 1.0,
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy.
 
-    With a slip in the table nothing is advised but to mend that first.
+    With a slip in the table nothing is advised but to mend that first; nor with a sigma that is too large,
+    by a factor, where nothing else leaves them open.
     """
     local = fit.gaussian
     n_free = int(problem.parameters.free.sum())
@@ -163,6 +165,11 @@ def identifiable(
     if slip and (local.rank < n_free or _limits(problem, constants)):
         says = "the data do not determine every constant as the table stands: mend the slip in it first"
         return Fact(False, says, figures, FACTS["identifiable"])
+    if too_large > 1.0 and local.rank < n_free:
+        narrow = gaussian_approximation(problem, fit.sigma / too_large, fit.optimum.theta)
+        if narrow.rank == n_free:
+            says = "the data do not determine every constant with sigma as given: mend sigma first"
+            return Fact(False, says, figures, FACTS["identifiable"])
     if local.rank == n_free:
         limits = _limits(problem, constants)
         says = limits or "the data determine every free constant"

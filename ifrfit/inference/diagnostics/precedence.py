@@ -19,6 +19,7 @@ from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.nested_models import prior_conflict, unequal_noise
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
+from ifrfit.inference.diagnostics.one_velocity import one_velocity
 from ifrfit.inference.diagnostics.quadratic_forms import Array
 from ifrfit.inference.diagnostics.recorded_values import (
     censoring,
@@ -161,6 +162,9 @@ def misfit_facts(
     scatter = so_far.facts.get("repeats")
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
+        # what the law misses it misses in every observable
+        if not (so_far.causes or so_far.fails(*_MISFIT, "duplicates")):
+            so_far.tell("duplicates", one_velocity(problem, found))
         so_far.tell("independence", _independence(so_far, problem, found, residuals))
     if not so_far.fails("repeated_number"):
         advise = not (so_far.fails("independence") or so_far.has_slipped)

@@ -154,7 +154,8 @@ def _outliers_fact(problem: Problem, found: list[tuple[int, float]], limit: floa
         "limit": limit,
     }
     if limit is None and not found:
-        return Fact(True, "too few rows to tell an outlier", figures, FACTS["outliers"])
+        says = "no outlier is looked for: there are too few rows"
+        return Fact(True, says, figures | {"tested": False}, FACTS["outliers"])
     if not found:
         return Fact(True, "no outlier", figures, FACTS["outliers"])
     named = "; ".join(f"{row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)

@@ -31,6 +31,24 @@ def drop_of_even(problem: Problem, slopes: AngleSlopes) -> float:
     return float(gain.sum() - gain.max()) - _PARAMETER * max(more, 0)
 
 
+def drop_of_level(problem: Problem, slopes: AngleSlopes, sigma: Array) -> tuple[float, float]:
+    """With errors of one size in each observable, whatever the given sigma, (n,), in which the slopes are.
+
+    Returns
+    -------
+    fall, drop : float
+        With and without the row that speaks most.
+    """
+    groups = _groups(problem)
+    own = np.stack([np.isin(np.arange(sigma.size), rows) for rows in groups], axis=1).astype(float)
+    start = own @ [math.log(float((sigma[rows] ** 2).mean())) for rows in groups]
+    unit = sigma * np.exp(-0.5 * start)
+    left, variance = log_variance(slopes.left * unit, slopes.by_constant * unit[:, None], own)
+    gain = _before(problem, slopes) - slopes.by_impact(left**2 / variance + np.log(variance / unit**2))
+    fall = float(gain.sum()) - _PARAMETER * (len(groups) - len(problem.noise_groups()))
+    return fall, fall - float(gain.max())
+
+
 def drop_of_growth(problem: Problem, fit: LeastSquaresFit, slopes: AngleSlopes) -> float:
     """With an error in proportion to the value, of a size for each observable, beside its noise."""
     rows = np.arange(len(problem.rows))

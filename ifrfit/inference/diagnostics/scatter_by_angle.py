@@ -26,6 +26,11 @@ _MORE = 2  # numbers that a parabola has beyond a level
 _FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
 _EXACT = 1e-9  # root mean square of residuals of values without errors, in sigma
 _PLACES = (0.1, 0.5, 0.9)  # quantiles of the angles at which the noise is told
+# by whether no sigma is given
+_REMEDY = {
+    True: "Rows then count by their own errors with a sigma in every row",
+    False: "Rows count by their own errors with these sizes in the place of the sigma that is given",
+}
 
 
 @dataclass(frozen=True)
@@ -112,8 +117,7 @@ def _fact(problem: Problem, fit: LeastSquaresFit, best: _Found) -> Fact:
     or_series = ", or from series to series" if best.of_series > best.drop - ALIKE else ""
     says = (
         f"the scatter of {best.name} changes with the angle of incidence{or_series}: {told} degrees (p = "
-        f"{p_text(best.p)}; -2 log likelihood falls by {best.drop:.3g}). Rows then count by their own errors "
-        "with a sigma in every row"
+        f"{p_text(best.p)}; -2 log likelihood falls by {best.drop:.3g}). {_REMEDY[problem.noise.is_unknown]}"
     )
     figures = {"p": best.p, "observable": best.name, "drop": best.drop, "angles": angles, "sizes": sizes}
     return Fact(False, says, figures, FACTS["scatter_by_angle"])

@@ -10,10 +10,12 @@ import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.lack_of_fit import chi2_of_given, lack_of_fit
+from ifrfit.inference.diagnostics.angle_error_size import AngleSlopes
+from ifrfit.inference.diagnostics.lack_of_fit import chi2_by_observable, chi2_of_given, lack_of_fit
 from ifrfit.inference.diagnostics.residuals import Residuals, outliers, residuals_of
+from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
-from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
@@ -44,7 +46,9 @@ def scatter_too_large(
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
     there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
-    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier.
+    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact
+    of its own. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they
+    are taken.
 
     Parameters
     ----------
@@ -60,40 +64,54 @@ def scatter_too_large(
         None where sigma is not known, or something else may be the reason.
     """
     lack = found.get("lack_of_fit")
-    if not (problem.noise.is_known and problem.error_model.is_plain) or lack is None or lack.ok:
+    if not (problem.noise.is_known and problem.error_model.is_plain) or lack is None:
         return None
     chi2, dof = chi2_of_given(problem, fit, residuals)
-    if dof < _FEWEST or _is_explained(found, chi2, dof):
+    each = chi2_by_observable(problem, fit, residuals)
+    p_each = {name: float(special.chdtrc(dof, square)) for name, (square, dof) in each.items()}
+    refuted = not lack.ok or (len(each) + 1) * min(p_each.values(), default=1.0) < REFUTED
+    if not refuted or dof < _FEWEST or not each:
         return None
-    wide = _too_wide(problem, fit, residuals)
-    of_all = len(wide) == len(problem.rows.names)
-    scattered = problem.with_noise(replace(problem.noise, policy="scaled" if of_all else "unknown"))
+    wide = [name for name in each if p_each[name] < REFUTED] or list(each)
+    of_all = len(wide) == len(each)
+    slopes = AngleSlopes.of(problem, fit.optimum.theta, fit.sigma)
+    fall, drop = drop_of_level(problem, slopes, fit.sigma)
+    is_level = drop > drop_of_even(problem, slopes) + ALIKE
+    if _is_explained(found, chi2, dof, fall if is_level else 0.0):
+        return None
+    scattered = problem.with_noise(
+        replace(problem.noise, policy="scaled" if of_all and not is_level else "unknown")
+    )
     try:
         again = least_squares(scattered)
     except DataError:  # too few rows to tell their noise
         return None
     left = residuals_of(scattered, again)
     p = lack_of_fit(scattered, again, left, remedy=False).figures["p"]
-    if p is None or p < _EVEN or not _are_of_one_kind(scattered, again, left):
+    if p is None or p < _EVEN:
         return None
-    factor = math.sqrt(sum(each[0] for each in wide.values()) / sum(each[1] for each in wide.values()))
-    which = "the values" if of_all else f"the values of {joined(list(wide))}"
+    uneven = scatter_by_angle(scattered, again, left)
+    # no rows are to be apart from the others, at an even noise or one that changes with the angle
+    if not (outliers(scattered, again, left).ok and _is_even(left)) and not (uneven and uneven.outliers.ok):
+        return None
+    squares, own_dof = np.sum([each[name] for name in wide], axis=0).tolist()
+    factor, p_chi2 = math.sqrt(squares / own_dof), min(lack.figures["p"], *p_each.values())
+    which = "the values" if of_all else f"the values of {joined(wide)}"
+    why, remedy = "sigma is too small, or something scatters that it leaves out", ""
+    if is_level:
+        why = (
+            "errors of one size, whatever the angle or the value, describe them better than sigma does (-2 "
+            f"log likelihood falls by {drop:.3g})"
+        )
+    if uneven is None:
+        anew = ", and looks for errors of the angles anew" if is_level else ""
+        remedy = f"; --noise {scattered.noise.policy} takes its size from the scatter{anew}"
     says = (
-        f"{which} scatter {factor:.2g} times more than their sigma, without a trend "
-        f"(chi2 = {chi2:.3g} for {dof:.0f} degrees of freedom, p = {p_text(lack.figures['p'])}; trend: "
-        f"p = {p_text(p)}): sigma is too small, or something scatters that it leaves out; --noise "
-        f"{scattered.noise.policy} takes its size from the scatter"
+        f"{which} scatter {factor:.2g} times more than their sigma, without a trend (chi2 = {squares:.3g} "
+        f"for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): {why}{remedy}"
     )
-    figures = {"p": lack.figures["p"], "chi2": chi2, "dof": dof, "factor": factor, "p_trend": p}
+    figures = {"p": p_chi2, "chi2": squares, "dof": own_dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)
-
-
-def _are_of_one_kind(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> bool:
-    """Whether no rows are apart from the others: at an even noise, or at one that changes with the angle."""
-    if outliers(problem, fit, residuals).ok and _is_even(residuals):
-        return True
-    uneven = scatter_by_angle(problem, fit, residuals)
-    return uneven is not None and uneven.outliers.ok
 
 
 def _is_even(residuals: Residuals) -> bool:
@@ -101,8 +119,11 @@ def _is_even(residuals: Residuals) -> bool:
     return float(np.median(np.abs(residuals.studentised))) / _MEDIAN >= _BULK
 
 
-def _is_explained(found: Mapping[str, Fact], chi2: float, dof: float) -> bool:
-    """Whether a slip or an effect that is named leaves no more scatter than sigma allows."""
+def _is_explained(found: Mapping[str, Fact], chi2: float, dof: float, by_level: float) -> bool:
+    """Whether a slip or an effect that is named leaves no more scatter than sigma allows.
+
+    And no errors of one size take as much off -2 log likelihood.
+    """
     drops = [
         test["drop"]
         for name in ("slips", "effects")
@@ -110,15 +131,5 @@ def _is_explained(found: Mapping[str, Fact], chi2: float, dof: float) -> bool:
         for called, test in found[name].figures.get("tests", {}).items()
         if called in found[name].figures["called"] and test.get("drop") is not None
     ]
-    return any(float(special.chdtrc(dof - 1.0, max(chi2 - drop, 0.0))) >= _EXPLAINED for drop in drops)
-
-
-def _too_wide(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> dict[str, tuple[float, float]]:
-    """Sum of squares and degrees of freedom of the observables refuted alone; of all, if none is."""
-    each = {}
-    for name in problem.rows.names:
-        rows = problem.rows.rows_of(name)
-        square = float(residuals.standardised[rows] @ residuals.standardised[rows])
-        each[name] = square, max(rows.size - float(fit.gaussian.leverage[rows].sum()), 1e-3)
-    wide = {name: one for name, one in each.items() if special.chdtrc(one[1], one[0]) < REFUTED}
-    return wide or each
+    left = [chi2 - drop for drop in drops if drop > by_level]
+    return any(float(special.chdtrc(dof - 1.0, max(each, 0.0))) >= _EXPLAINED for each in left)

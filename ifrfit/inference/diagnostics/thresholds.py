@@ -98,13 +98,19 @@ FACTS = {
     "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
     "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, "
     f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named "
-    f"beside it where they take no {ALIKE:g} less",
+    f"beside it where they take no {ALIKE:g} less; errors of one size that sigma does not have take "
+    f"{ALIKE:g} less",
     "scatter_too_large": (
-        f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
-        "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.05), no "
-        "outlier but under a noise that changes with the angle, no slip, effect or series that differs"
+        f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, of all rows or of one "
+        "observable (times their number), where no slip or effect leaves p >= 0.01 and explains more than "
+        "errors of one size; and with the noise taken from the scatter there is no lack of fit (p >= 0.05), "
+        "no outlier but under a noise that changes with the angle, no slip, effect or series that differs; "
+        f"errors of one size are called for where they take {ALIKE:g} more off -2 log likelihood than a "
+        "factor on sigma, without the row that speaks most"
     ),
-    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
+    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
+    "of all rows or of one observable (times their number); in percent where a hundredth of it leaves "
+    "p >= 0.01",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
@@ -112,17 +118,20 @@ FACTS = {
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
-    "along the wall and of spins, spin before that is not in the table, another inertia factor, a constant "
+    "along the wall, of spins and of values whose largest is exactly 1, spin before that is not in the "
+    "table, another inertia factor, a constant "
     f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with "
-    "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, exchanged "
-    "columns, spins in other units, centre for contact point, 0 or one repeated number for 'not "
-    "measured'; in the table and in each of its series, p "
+    "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, values "
+    "sorted by themselves, exchanged columns, spins in other units, centre for contact point, 0 or one "
+    "repeated number for 'not measured'; in the table and in each of its series, p "
     "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "
     f"{ALIKE:g} less, and angles have room for their offset; drifts are looked for unless the table was "
     "sorted by angle, speed or the values of an observable; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
-    "every decimal, by noise and rounding (Poisson)",
+    "every decimal, by noise and rounding (Poisson); or, where no misfit is found, changes of the residuals "
+    "of two observables of one velocity from one angle to the next correlate by more than 0.95 "
+    f"(p < {REFUTED:g}, times the number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",

@@ -22,6 +22,10 @@ Policy = Literal["known", "scaled", "unknown", "mixed"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
 CHOICES = f"{', '.join(POLICIES[:-1])} or {POLICIES[-1]}"
 
+_FINE, _FEWEST_READINGS = (
+    1e-3,
+    5,
+)  # last decimal and number of readings with which a largest of 1 is no chance
 _DECIMALS = 6  # finest resolution taken for a value that is written with more
 
 
@@ -210,3 +214,8 @@ def resolution(value: Array) -> float:
     in_steps = value / steps[:, None]
     written = (np.abs(in_steps - np.round(in_steps)) < 1e-7).all(axis=1)
     return float(steps[np.argmax(written)]) if written.any() else float(10.0**-_DECIMALS)
+
+
+def normalised(value: Array) -> bool:
+    """Whether readings look divided by their largest: it is 1 in every one of three decimals or more."""
+    return value.size >= _FEWEST_READINGS and float(value.max()) == 1.0 and resolution(value) <= _FINE

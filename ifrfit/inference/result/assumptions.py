@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings
 from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
@@ -17,10 +20,14 @@ from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_
 from ifrfit.physics.angles import Incidence
 from ifrfit.text import joined
 
-Moved = Callable[[Array], str]  # from changes of the values to the constant that moves most, in words
+# from changes of the values to the constant that moves most, in words, and by how many sd
+Moved = Callable[[Array], tuple[str, float]]
 
 _SPIN_ZERO = 0.02  # R omega_y/u before impact by which spins may be off, as an example
 _LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
+_MATTERS = 0.5  # sd of a constant from which rounding of the angles is told
+_ROUNDED = (2, 5, 10)  # degrees that angles are rounded to
+_FEWEST_ANGLES = 4  # that are multiples of these by no chance
 
 _OF_NOISE = {
     "known": "",
@@ -31,6 +38,7 @@ _OF_NOISE = {
 _INDEPENDENT = "errors independent of one another"
 _COMPONENTS = ("v_x", "v_y", "v_n")
 _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
+_TILT = 5.0  # degrees by which a camera may look past the plane of motion, as an example
 _COMPLETE = "no reading left out or picked for its value"
 
 
@@ -52,7 +60,7 @@ def assumed_of(
     noise : NoiseSummary
     """
 
-    def moved(change: Array) -> str:
+    def moved(change: Array) -> tuple[str, float]:
         return _largest_move(moved_by(problem, fit, change), constants, kappas)
 
     offset = _offset_words(problem, fit, moved)
@@ -61,11 +69,57 @@ def assumed_of(
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
-    at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
+    at_wall = _camera_words(problem, fit, moved)
     elsewhere = _restitution_words(problem)
     zero = _spin_zero_words(problem, fit, moved)
-    every = (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset, zero)
+    every = (
+        plane,
+        at_wall,
+        elsewhere,
+        _scale_words(problem),
+        words,
+        _count_words(problem),
+        of_errors,
+        _COMPLETE,
+        offset,
+        zero,
+    )
     return tuple(said for said in every if said)
+
+
+def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
+    """That velocities are those at the wall, and what a camera that shortens those along it would move."""
+    if not set(_COMPONENTS) & set(problem.rows.names):
+        return ""
+    theta = fit.optimum.theta
+    shorter = Flaw(along=math.cos(math.radians(_TILT)) - 1.0)
+    # values read so, taken as they stand
+    most, share = moved(problem.predict(theta) - readings(problem, theta, shorter))
+    if share <= _MATTERS:
+        return _AT_THE_WALL
+    return (
+        f"{_AT_THE_WALL} (a camera that looks {_TILT:g} degrees past the plane of motion would move {most})"
+    )
+
+
+def _count_words(problem: Problem) -> str:
+    """What numbers of readings behind a row, which a user gives, are not used for."""
+    table, stated = problem.observations.table, problem.observations.sources
+    if not any(source.descriptor is None for source in stated) or not (table["n_repeats"] > 1).any():
+        return ""
+    if problem.noise.has_unknown:
+        return (
+            "as much weight for each row whatever its n (else a sigma in every row, as s over the root of n)"
+        )
+    return "sigma that of the mean of the n readings of a row, not of one of them"
+
+
+def _scale_words(problem: Problem) -> str:
+    """That values are as read, where the largest of a series is 1 in every decimal."""
+    rows = problem.rows
+    own = [rows.names[rows.which[at[0]]] for at in problem.groups().values() if normalised(rows.value[at])]
+    named = joined(list(dict.fromkeys(own)))
+    return f"{named} as read, not divided by the largest, which is 1 exactly" if own else ""
 
 
 def _restitution_words(problem: Problem) -> str:
@@ -92,8 +146,30 @@ def _offset_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     model = problem.error_model
     if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
         return ""
-    most = moved(slope_by_offset(problem, fit.optimum.theta))
+    slope, step = slope_by_offset(problem, fit.optimum.theta), _step_of_angles(problem)
+    if step:
+        most, share = moved(0.5 * step * slope)
+        if share > _MATTERS:
+            return (
+                f"angles of incidence, all multiples of {step:g} degrees, exact (rounded down they would be "
+                f"{0.5 * step:g} too small on average, which would move {most})"
+            )
+    most, _ = moved(slope)
     return f"angles of incidence without an offset (1 degree would move {most})" if most else ""
+
+
+def _step_of_angles(problem: Problem) -> int:
+    """Whole degrees that all angles are multiples of, where they may have been rounded; else 0.
+
+    Evenly spaced angles with as many impacts each were set.
+    """
+    of_impact = dict(zip(problem.rows.impacts.tolist(), problem.rows.gamma_deg.tolist(), strict=True))
+    angles, count = np.unique([x for x in of_impact.values() if np.isfinite(x)], return_counts=True)
+    if angles.size < _FEWEST_ANGLES or (angles != np.round(angles)).any():
+        return 0
+    step = int(np.gcd.reduce(angles.astype(int)))
+    were_set = np.ptp(count) == 0 and np.ptp(np.diff(angles)) == 0.0
+    return 0 if were_set or step not in _ROUNDED else step
 
 
 def _plane_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
@@ -107,7 +183,7 @@ def _plane_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     said = f"motion in one plane, no lateral spin before impact{where}"
     if not problem.error_model.is_plain:
         return said
-    most = moved(_by_spin(problem, fit.optimum.theta, (_LATERAL, 0.0)))
+    most, _ = moved(_by_spin(problem, fit.optimum.theta, (_LATERAL, 0.0)))
     return f"{said} (R omega_x/u of {_LATERAL:g} would move {most})" if most else said
 
 
@@ -115,7 +191,7 @@ def _spin_zero_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> st
     """How far a zero of the given spins that is off would move the constant that it moves most, in its sd."""
     if not (problem.rows.incidence.spin_y.any() and problem.has_oblique and problem.error_model.is_plain):
         return ""
-    most = moved(_by_spin(problem, fit.optimum.theta, (0.0, _SPIN_ZERO)))
+    most, _ = moved(_by_spin(problem, fit.optimum.theta, (0.0, _SPIN_ZERO)))
     said = "spins before impact without an offset"
     return f"{said} (R omega_y/u of {_SPIN_ZERO:g} would move {most})" if most else said
 
@@ -128,16 +204,18 @@ def _by_spin(problem: Problem, theta: Array, more: tuple[float, float]) -> Array
     return other.predict(theta) - problem.predict(theta)
 
 
-def _largest_move(moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]) -> str:
-    """The constant that moves most in its sd, by how much; empty where none has a value."""
+def _largest_move(
+    moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]
+) -> tuple[str, float]:
+    """The constant that moves most in its sd, by how much; empty and 0 where none has a value."""
     alone = len(kappas) == 1
     of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
     # kappa speaks where the data leave mu open
     share = _share(moves, by_entry(constants)) or _share(moves, of_kappa)
     if not share:
-        return ""
+        return "", 0.0
     name = max(share, key=lambda one: share[one])
-    return f"{name} by {abs(moves[name]):.2g}, {share[name]:.2g} sd"
+    return f"{name} by {abs(moves[name]):.2g}, {share[name]:.2g} sd", share[name]
 
 
 def _share(moves: Mapping[str, float], found: Mapping[str, Estimate]) -> dict[str, float]:

@@ -269,6 +269,7 @@ def _facts(
         "rounded_readings",
         "censoring",
         "truncation",
+        "scatter_too_small",
     )
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
@@ -281,7 +282,13 @@ def _facts(
         **({} if several is None else {"noise_modes": several}),
         **({} if offset is None or domain is None else {"angle_offset": angle_offset(offset, domain)}),
         "identifiable": identifiable(
-            problem, optimum, constants, counts.n_sticking, counts.n_sliding, slip="slips" in first
+            problem,
+            optimum,
+            constants,
+            counts.n_sticking,
+            counts.n_sliding,
+            slip="slips" in first,
+            too_large=first["scatter_too_small"].figures["factor"] if "scatter_too_small" in first else 1.0,
         ),
         "at_bound": at_bound(constants),
         **found,

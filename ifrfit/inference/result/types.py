@@ -79,7 +79,7 @@ class Fact:
     says : str
         The finding in one sentence (with the remedy where it is not well).
     figures : mapping
-        The numbers behind it.
+        The numbers behind it; ``tested`` is False where the data are too few for the question.
     threshold : str
         The rule.
     """
@@ -88,6 +88,11 @@ class Fact:
     says: str
     figures: Mapping[str, Any]
     threshold: str
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether the question could be asked of these data."""
+        return bool(self.figures.get("tested", True))
 
 
 @dataclass(frozen=True)

@@ -55,3 +55,18 @@ def test_steps_of_an_instrument_are_no_copies(tmp_path):
 def test_repeats_are_no_copies(tmp_path, decimals, seeds):
     alarms = [repeats(tmp_path / "t.csv", decimals, seed) is not None for seed in range(seeds)]
     assert sum(alarms) <= at_most(seeds, 0.001)
+
+
+def test_one_velocity_as_two_observables_in_two_files(tmp_path):
+    """Nothing ties the rows to one impact but their errors; other errors at the same angles are none."""
+    gamma = np.linspace(8.0, 80.0, 40)
+    beta_cm = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta_cm
+    noise, other = 0.02 * np.random.default_rng(1).standard_normal((2, 40))
+    centre = table_file(tmp_path / "a.csv", {"gamma_deg": gamma, "beta_cm": beta_cm + noise}, "%.4f")
+    for errors, twice in ((noise, True), (other, False)):
+        contact = {"gamma_deg": gamma, "beta": 2.5 + 3.5 * (beta_cm + errors)}
+        found = fit([centre, table_file(tmp_path / "b.csv", contact, "%.4f")], method="lsq", fix={"e_n": 0.9})
+        assert ("duplicates" in found.facts) is twice
+        if twice:
+            assert "beta_cm and beta have the same errors at 40 angles" in found.facts["duplicates"].says
+            assert found.summary().startswith("LOOK  impacts stand in the table twice")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most, impacts_file
+from factories import at_most, impacts_file, table_file
 
 from ifrfit import compare, fit
+from ifrfit.physics import rebound
 
 ANGLES = np.linspace(8.0, 80.0, 30)
 TABLES = 15
@@ -93,3 +94,41 @@ def test_outliers_that_hide_one_another_are_no_wide_scatter(tmp_path):
     facts = fit(path, method="lsq", fix={"e_n": 0.94}).facts
     assert "scatter_too_large" not in facts
     assert len(facts["outliers"].figures["rows"]) == 4
+
+
+def _of_beta(path, seed, noise, sigma):
+    """beta with errors of a size, and a sigma that is a function of beta; in no order."""
+    gamma = np.random.default_rng(0).permutation(np.linspace(5.0, 85.0, 40))
+    beta = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta
+    beta = beta + noise(gamma) * np.random.default_rng(seed).standard_normal(40)
+    columns = {"gamma_deg": gamma, "beta": beta, "beta_sigma": sigma(beta)}
+    return fit(table_file(path, columns, "%.5f"), method="lsq", fix={"e_n": 0.9}).facts
+
+
+def test_errors_of_one_size_with_a_sigma_in_proportion_to_the_value(tmp_path):
+    """Rows near beta = 0 seem to have no errors, which looked like errors of the angles, or a drift."""
+    first = []
+    for seed in range(TABLES):
+        facts = _of_beta(tmp_path / "t.csv", seed, lambda _: 0.02, lambda beta: 0.05 * np.abs(beta))
+        first.append(next((name for name, fact in facts.items() if not fact.ok), ""))
+        if first[-1] == "scatter_too_large":
+            says = facts["scatter_too_large"].says
+            assert "errors of one size, whatever the angle or the value, describe them better" in says
+            assert "--noise unknown" in says
+            assert not {"scatter_by_angle", "angle_scatter"} & facts.keys()
+    assert first.count("scatter_too_large") > TABLES // 2
+    assert first.count("slips") <= 1
+
+
+def test_a_scatter_that_changes_with_the_angle_is_no_factor_on_sigma(tmp_path):
+    found = 0
+    for seed in range(TABLES):
+        facts = _of_beta(
+            tmp_path / "t.csv", seed, lambda gamma: 0.01 + 0.05 * (gamma / 85.0) ** 2, lambda _: 0.01
+        )
+        if {"scatter_by_angle", "scatter_too_large"} <= facts.keys():
+            found += 1
+            says = facts["scatter_by_angle"].says
+            assert "with these sizes in the place of the sigma that is given" in says
+            assert "--noise" not in facts["scatter_too_large"].says
+    assert found > TABLES // 5

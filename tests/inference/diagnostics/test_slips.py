@@ -134,10 +134,13 @@ def test_a_slip_stands_before_what_follows_from_it():
     assert "LOOK  the table looks as if it had a slip in it" in result.summary()
 
 
-def test_few_rows_say_so(tmp_path):
-    path = impacts_file(tmp_path / "t.csv", {"gamma": [10.0, 30.0, 50.0], "noise": 0.01, "sigma": 0.01})
-    says = fit(path, method="lsq", fix={"e_n": 0.94}).facts["slips"].says
-    assert says == "too few rows to tell a slip in the table"
+def test_few_rows_are_not_tested_rather_than_fine(tmp_path):
+    path = impacts_file(tmp_path / "t.csv", {"gamma": [10.0, 30.0, 50.0], "noise": 0.01, "sigma": None})
+    result = fit(path, method="lsq", fix={"e_n": 0.94})
+    assert result.facts["slips"].says == "no slip in the table is looked for: there are too few rows"
+    notes = [line for line in result.summary().splitlines() if "too few rows" in line]
+    assert [line.split()[0] for line in notes] == ["note", "note", "note"]
+    assert not any(result.facts[name].is_tested for name in ("slips", "lack_of_fit", "outliers"))
 
 
 TRUE = rebound(ANGLES, e_n=0.8, e_t=-0.9, mu=0.15, degrees=True)
@@ -268,3 +271,39 @@ def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
     assert failing[:2] == ["slips", "angular_momentum"]
     assert facts["slips"].figures["called"][0] == "spins-halved spin_y_after"
     assert "spins 2 times as large close as well" in facts["angular_momentum"].says
+
+
+def test_values_divided_by_their_largest():
+    """Tried only where the largest is 1 in every decimal."""
+    result = fitted(BETA, Cause(), 1)
+    table = result.problem.observations.table.copy()
+    largest = float(table.loc[table.observable == "beta", "value"].max())
+    for by, called in ((largest, True), (1.01 * largest, False)):
+        other = table.copy()
+        other.loc[table.observable == "beta", "value"] = (table.value / by).round(4)
+        other["sigma"] = np.nan
+        fact = fit(type(result.problem.observations)(other), method="lsq", independent=True).facts["slips"]
+        assert (fact.figures["called"][:1] == ["divided-by-largest"]) is called
+        if called:
+            percent = float(fact.says.split("largest is 1 exactly, ")[1].split()[0])
+            assert percent == pytest.approx(100.0 * (1.0 / largest - 1.0), abs=2.0)
+
+
+def test_sizes_of_spins_and_columns_that_were_sorted_by_themselves(tmp_path):
+    rng = np.random.default_rng(2)
+    spin = rng.normal(0.0, 0.6, 40)
+    gamma = rng.uniform(8.0, 80.0, 40)
+    state = rebound(gamma, spin_y=spin, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    columns = {
+        "gamma_deg": gamma,
+        "spin_y": spin,
+        "spin_y_after": np.abs(state.spin_y + 0.01 * rng.standard_normal(40)),
+        "e_n": 0.9 + 0.01 * rng.standard_normal(40),
+    }
+    says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
+    assert says.startswith("the table looks as if it had spin_y_after without its sign")
+    state = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    columns = {"gamma_deg": gamma, "beta": state.beta + 0.02 * rng.standard_normal(40), "e_n": columns["e_n"]}
+    columns = {name: np.sort(column) for name, column in columns.items()}
+    says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
+    assert says.startswith("the table looks as if it had beta sorted by itself, not along with the angles")

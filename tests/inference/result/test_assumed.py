@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from factories import impacts_file
+from factories import impacts_file, table_file
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
@@ -14,6 +14,7 @@ from ifrfit.inference.optimize.angle_offset import slope_by_offset
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import AngleErrors, Noise
 from ifrfit.inference.result.assumptions import moved_by
+from ifrfit.physics import rebound
 from ifrfit.report.page import page
 
 SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90, 8), [
@@ -137,3 +138,57 @@ def test_e_n_that_was_read_at_other_angles_is_an_assumption(tmp_path, angle, tol
     found = ifrfit.fit(impacts_file(tmp_path / "t.csv", e_n, beta), method="lsq")
     words = "e_n as read at 0 degrees, for impacts at 8 to 80"
     assert (words in found.assumed) == told
+
+
+@pytest.mark.parametrize(
+    ("step", "were_set", "said"),
+    [(5.0, False, True), (10.0, False, True), (5.0, True, False), (1.0, False, False)],
+)
+def test_angles_that_may_have_been_rounded_down(tmp_path, step, were_set, said):
+    """With what half a step moves: as 1 degree does, times half a step."""
+    gamma = np.random.default_rng(1).uniform(10.0, 85.0, 60)
+    given = np.arange(5.0, 86.0, 5.0) if were_set else step * np.floor(gamma / step)
+    path = impacts_file(
+        tmp_path / "t.csv", {"gamma": np.arange(5.0, 86.0, 5.0) if were_set else gamma, "noise": 0.02}
+    )
+    angles = iter(given.tolist())
+    lines = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()]
+    rows = [[*line[:2], repr(next(angles)), *line[3:]] for line in lines[1:]]
+    path.write_text("\n".join(",".join(row) for row in [lines[0], *rows]) + "\n", encoding="utf-8")
+    fit = ifrfit.fit(path, method="lsq", fix=FIX)
+    words = f"angles of incidence, all multiples of {step:g} degrees, exact (rounded down they would be "
+    assert fit.assumed[-1].startswith(words + f"{0.5 * step:g} too small") is said
+    if said:
+        moved = moved_by(
+            fit.problem, fit.least_squares, slope_by_offset(fit.problem, fit.least_squares.optimum.theta)
+        )
+        name, by = fit.assumed[-1].split("would move ")[1].split(",")[0].split(" by ")
+        assert float(by) == pytest.approx(0.5 * step * abs(moved[name]), rel=0.1)
+
+
+def test_a_camera_past_the_plane_of_motion(tmp_path):
+    """What it would move is what one that looks 5 degrees past it moves."""
+    gamma = np.linspace(8.0, 80.0, 60)
+    state = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    v_x, v_n = (v + 0.003 * np.random.default_rng(0).standard_normal(60) for v in (state.v_x, state.v_n))
+    fits = []
+    for shorter in (1.0, np.cos(np.radians(5.0))):
+        columns = {
+            "u_x_m_s": shorter * np.sin(np.radians(gamma)),
+            "u_z_m_s": np.cos(np.radians(gamma)),
+            "v_x_m_s": shorter * v_x,
+            "v_z_m_s": -v_n,
+        }
+        fits.append(ifrfit.fit(table_file(tmp_path / "t.csv", columns), method="lsq"))
+    (said,) = (one for one in fits[0].assumed if "past the plane" in one)
+    name, by = said.split("would move ")[1].split(",")[0].split(" by ")
+    moved = fits[1].constants[name].value - fits[0].constants[name].value
+    assert abs(moved) == pytest.approx(float(by), rel=0.1)
+
+
+def test_a_largest_reading_of_one(file):
+    said = "beta as read, not divided by the largest, which is 1 exactly"
+    table = SILENT.replace("0.62", "1.000").replace("0.58", "0.583")
+    assert said in ifrfit.fit(file(table), method="lsq", fix=FIX).assumed
+    assert said not in ifrfit.fit(file(table.replace("1.000", "1.002")), method="lsq", fix=FIX).assumed
+    assert said not in ifrfit.fit(file(SILENT.replace("0.62", "1")), method="lsq", fix=FIX).assumed

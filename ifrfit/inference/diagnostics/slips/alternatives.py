@@ -13,6 +13,7 @@ from ifrfit.inference.model.rows import Array, Bool, Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 
+_FEWEST_RANKED = 8  # values that ascend with the angle by no chance
 _TALL = 1.5  # median size of a fraction from which it may be in percent
 _NEAREST = 1e-3  # share of the angles' range by which a number may lie beyond its end
 _EXCHANGED = (
@@ -52,6 +53,8 @@ class Alternative:
         Whether it is the size of that.
     squared : ndarray of bool, (n,)
         Whether it is the square of that.
+    ranked : ndarray of int
+        Rows among which the values stand in ascending order, whichever impact they are of.
     """
 
     name: str
@@ -62,17 +65,23 @@ class Alternative:
     factor: Array
     folded: Bool
     squared: Bool
+    ranked: Index
 
     def values(self, theta: Array) -> Array:
         """Values as they would be given, (m, n), from theta, (m, p)."""
         found = self.shift + self.factor * self.meant.predict(theta)
         found = np.where(self.folded, np.abs(found), found) if self.folded.any() else found
+        if self.ranked.size:
+            found = found.copy()
+            found[..., self.ranked] = np.sort(found[..., self.ranked], axis=-1)
         with np.errstate(over="ignore"):  # a step that leads so far is not taken
             return np.where(self.squared, found**2, found) if self.squared.any() else found
 
-    def of_rows(self, rows: Index) -> Alternative:
-        """The same for some of the rows."""
-        return replace(
+    def values_of_rows(self, theta: Array, rows: Index) -> Array:
+        """The same for some of the rows, (m, rows)."""
+        if self.ranked.size:  # a rank is one among all
+            return self.values(theta)[..., rows]
+        part = replace(
             self,
             meant=replace(self.meant, rows=self.meant.rows.take(rows)),
             shift=self.shift[rows],
@@ -80,6 +89,7 @@ class Alternative:
             folded=self.folded[rows],
             squared=self.squared[rows],
         )
+        return part.values(theta)
 
 
 def alternatives(
@@ -130,6 +140,7 @@ class _Table:
         exchanged: dict[str, str] | None = None,
         folded: str = "",
         squared: str = "",
+        ranked: Index | None = None,
     ) -> Alternative:
         """The table with other numbers, or with other names, in these rows."""
         rows = self.problem.rows
@@ -150,7 +161,8 @@ class _Table:
         own = rows.incidence if incidence is None else incidence
         rows = replace(rows, names=names, which=which, incidence=own, tau=own.tau)
         problem = replace(self.problem, rows=rows)
-        return Alternative(name, observable, self.series, problem, shift, factor, size, square)
+        by_rank = np.empty(0, dtype=np.intp) if ranked is None else ranked
+        return Alternative(name, observable, self.series, problem, shift, factor, size, square, by_rank)
 
     def incidence(self, spin_x: float = 1.0, spin_y: float = 1.0, gamma: Array | None = None) -> Incidence:
         """With spins of these rows times a factor, or other angles."""
@@ -211,14 +223,19 @@ def _from_wall(table: _Table, name: str) -> bool:
 
 
 def _of_values(table: _Table) -> Iterator[Alternative]:
-    """Signs, sizes, squares, percent, and of angles after impact radians and those from the wall."""
+    """Signs, sizes, squares, order, percent, and of angles after impact radians and those from the wall."""
     for name in table.names:
         observable, own = OBSERVABLES[name], table.problem.rows.value[table.rows_of(name)]
         made = {}
-        if observable.low < 0.0 and not name.startswith("spin_"):
-            made["sign"] = (0.0, -1.0)
+        if observable.low < 0.0:
+            if not name.startswith("spin_"):
+                made["sign"] = (0.0, -1.0)
             if bool((own >= 0.0).all()):
                 yield table.meant("size", name, folded=name)
+        along = table.rows_of(name)
+        along = along[np.argsort(table.problem.rows.gamma_deg[along], kind="stable")]
+        if own.size >= _FEWEST_RANKED and bool((np.diff(table.problem.rows.value[along]) >= 0.0).all()):
+            yield table.meant("sorted", name, ranked=along)
         if name in _SPEEDS:
             yield table.meant("squared", name, squared=name)
         if name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:

@@ -175,12 +175,7 @@ class ComparedFit:
     def of_alternative(self, each: Alternative) -> Array:
         """Its residuals, in the unit of the given values."""
         problem = self.problem
-        start = best_start(
-            lambda theta, rows: each.of_rows(rows).values(theta),
-            self.misfit,
-            problem.rows.value,
-            self._places,
-        )
+        start = best_start(each.values_of_rows, self.misfit, problem.rows.value, self._places)
         target = self.likelihood - DECISIVE + _ROOM
         bounds = problem.parameters.bounds()
         return search(each.values, self.misfit, problem.rows.value, start, bounds, target)[1]

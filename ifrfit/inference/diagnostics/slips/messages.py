@@ -68,6 +68,10 @@ _SIZED = {
         "lengths along the wall {percent} off beside those across it",
         "check that pixels are squares and that the camera looks along the wall",
     ),
+    "divided-by-largest": (
+        "values whose largest is 1 exactly, {percent} too large, as where they were divided by it",
+        "give them as they were read",
+    ),
     "spin-scale": ("spins {percent} off beside the speeds", "check the radius and the scale"),
     "incoming-spin": (
         "spin before impact that is not in it, R omega_y/u of some {size}",
@@ -115,6 +119,10 @@ _UNSIZED = {
     ),
     "sign": ("the opposite sign in {0}", "turn the sign round"),
     "exchanged": ("{0} in each other's columns", "exchange the headers"),
+    "sorted": (
+        "{0} sorted by itself, not along with the angles",
+        "give each value beside the angle that it was read at",
+    ),
     "squared": ("{0} as a ratio of energies or heights", "take the square root of {0}"),
     "percent": ("{0} in percent", "divide {0} by 100"),
     "radians": ("{0} in radians", "call the column {1}_rad"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ifrfit.inference.diagnostics.independence import is_sorted_by_values
+from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.physics.angles import Incidence
@@ -264,7 +265,21 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
             0.3 if shown else 0.05,
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
         )
+    yield from _of_largest(problem)
     yield from _drifts(problem)
+
+
+def _of_largest(problem: Problem) -> Iterator[Nuisance]:
+    """A scale of the values whose largest is exactly 1, as where they were divided by it."""
+    divided = np.zeros(len(problem.rows))
+    for own in problem.groups().values():
+        divided[own] = normalised(problem.rows.value[own])
+    if divided.any():
+
+        def scale(theta: Array, size: Array) -> Array:
+            return np.asarray(problem.predict(theta) * (1.0 + size[:, None] * divided))
+
+        yield Nuisance("divided-by-largest", scale, (-0.5, 2.0), 0.3)
 
 
 def _of_rebound(problem: Problem) -> Iterator[Nuisance]:

@@ -104,7 +104,9 @@ def starts(problem: Problem, theta: Array) -> Array:
             axes.append((one.fixed,))
         elif name in _GRID:
             given = _CURVED_GRID if name == "e_n" and problem.rows.has_kind("curved") else _GRID[name]
-            axes.append(tuple(x for x in given if one.lower <= x <= one.upper) or (one.lower,))
+            # readings of e_n hold on to theirs, wherever the other constants are
+            own = (float(theta[at[0]]),) if name == "e_n" else ()
+            axes.append(tuple(x for x in given if one.lower <= x <= one.upper) + own or (one.lower,))
         else:
             low, high = max(one.lower, -10.0), min(one.upper, 10.0)
             axes.append(tuple(np.linspace(low, high, _PLACES).tolist()))

@@ -1,0 +1,72 @@
+"""One velocity given as two observables, in rows that nothing ties to one impact: it would count twice."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+
+import numpy as np
+from scipy import special
+
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
+
+_FEWEST = 10  # pairs of rows
+_ALIKE = 0.95  # correlation of the errors from which they are one
+
+
+def one_velocity(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
+    """Look for two observables of the same measurement whose errors go together, setting by setting.
+
+    Residuals are taken from that of the neighbour in the angle, so that a trend, which both may have, is no
+    reason; half of the pairs count as degrees of freedom.
+
+    Returns
+    -------
+    Fact or None
+        None where no errors go together.
+    """
+    z = problem.residual(fit.optimum.theta) / fit.sigma
+    pairs = list(itertools.combinations(problem.rows.observables, 2))
+    for one, other in pairs:
+        rows = _paired(problem, one.name, other.name) if one.takes & other.takes else np.empty((0, 2), int)
+        if len(rows) < _FEWEST:
+            continue
+        steps = np.diff(z[rows], axis=0)
+        if not steps.std(axis=0).all():
+            continue
+        r = abs(float(np.atleast_2d(np.corrcoef(steps.T))[0, 1]))
+        dof = 0.5 * len(steps) - 2.0
+        t = r * np.sqrt(dof / max(1.0 - r * r, 1e-15))
+        p = min(1.0, len(pairs) * 2.0 * float(special.stdtr(dof, -t)))
+        if r > _ALIKE and p < REFUTED:
+            says = (
+                f"{one.name} and {other.name} have the same errors at {len(rows)} angles (correlation "
+                f"{r:.2g}, p = {p_text(p)}): one velocity stands in the table twice and counts twice. "
+                f"Keep one: --observable {one.name}, or --observable {other.name}"
+            )
+            figures = {"p": p, "n": len(rows), "rows": [], "correlation": r}
+            return Fact(False, says, figures, FACTS["duplicates"])
+    return None
+
+
+def _paired(problem: Problem, one: str, other: str) -> Index:
+    """Rows of two observables with one angle and spin that is there once in each, by the angle, (m, 2)."""
+    i = problem.rows.incidence
+    setting = np.column_stack(
+        [np.nan_to_num(x, nan=-1.0) for x in (problem.rows.gamma_deg, i.spin_x, i.spin_y)]
+    )
+    found = [_once(setting, problem.rows.rows_of(name)) for name in (one, other)]
+    return np.array(
+        [(found[0][key], found[1][key]) for key in sorted(found[0].keys() & found[1].keys())], int
+    )
+
+
+def _once(setting: Array, rows: Index) -> dict[tuple[float, ...], int]:
+    keys = [tuple(x) for x in setting[rows].tolist()]
+    count = Counter(keys)
+    return {key: int(row) for key, row in zip(keys, rows, strict=True) if count[key] == 1}
