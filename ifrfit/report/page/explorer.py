@@ -12,7 +12,7 @@ from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
-from ifrfit.report import style
+from ifrfit.report import panels, style
 from ifrfit.report.page.charts.chart import shortened
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import at_true_angles
@@ -74,6 +74,7 @@ def payload(result: FitResult) -> dict[str, Any]:
                 "label": OBSERVABLES[name].meaning,
                 "unit": OBSERVABLES[name].unit_text,
                 "angled": OBSERVABLES[name].has_angle,
+                "limits": _limits(result, name),
             }
             for name in observables
         ],
@@ -110,6 +111,13 @@ def payload(result: FitResult) -> dict[str, Any]:
         "thinned": step > 1,
         "n": len(points),
     }
+
+
+def _limits(result: FitResult, observable: str) -> list[float]:
+    """Ends of the axis that hold the data and the fitted curves, as in the figure of the fit."""
+    rows = result.points[result.points["observable"] == observable]
+    names = [str(name) for name in rows["series"].unique()]
+    return list(panels.value_limits(rows, panels.curves(result, observable, names, bands=False), None))
 
 
 def _yardstick(result: FitResult) -> str:

@@ -12,7 +12,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import impacts_file, rest_long
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
@@ -21,6 +21,9 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.report.page import assemble, page
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import policy
+from ifrfit.report.page.report_input import ReportInput
+from ifrfit.report.page.sections.findings import SECTION as FINDINGS
+from ifrfit.report.page.writing import verdict
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
 
@@ -158,11 +161,35 @@ def test_what_contradicts_the_fit_is_in_the_verdict(made):
     assert report.alarm
 
 
+def test_names_of_series_stay_as_they_are(tmp_path):
+    gamma = np.linspace(3.0, 85.0, 12)
+    parts = ({"gamma": gamma, "noise": 0.05, "c": -0.8, "series": name} for name in ("dry", "d. wet"))
+    result = ifrfit.fit(impacts_file(tmp_path / "a.csv", *parts), fix={"e_n": 0.94}, method="lsq")
+    words = " ".join(block.text for block in FINDINGS.build(ReportInput(result, None))[:-1])
+    assert " dry: " in words
+    assert " d. wet: " in words
+    assert " Assumed: " in words
+
+
+def test_a_limit_alone_is_a_bound(results):
+    estimate = replace(
+        results("fixed").constants["e_t"], value=None, status="one_sided", interval95=(-0.6, -0.4)
+    )
+    limited = replace(results("fixed"), constants={**results("fixed").constants, "e_t": estimate})
+    assert "; they only bound e_t (95 % in [-0.600, -0.400]); " in verdict(limited)[0]
+
+
+def test_strengths_of_effects_have_the_digits_of_their_sd(reports):
+    for row in section(reports("digitised"), "effects").blocks[1].rows:
+        value, sd = row[1:3]
+        assert [len(text.partition(".")[2]) for text in (value, sd)] == [len(sd.partition(".")[2])] * 2, row
+
+
 def test_a_stand_in_is_impossible_to_overlook(pages, reports):
     report = reports("stand-in")
     assert report.badges[0].text == "STAND-IN, not an experiment"
     assert report.verdict[0].startswith(
-        "A fit to generated data, which recovers what was put in and is no finding: "
+        "A fit to generated data, which shows that the tool works and is no finding: "
     )
     words = Elements(pages("stand-in")).text
     for start in ("Data, the fitted curve", "Standardised residuals", "The data: 17 rows", "The data used"):
@@ -244,6 +271,15 @@ def test_chains_are_shown_only_where_a_sampler_ran(results, reports, appraisals)
     assert blocks[1].head == ("quantity", "R-hat", "bulk ESS")
     assert blocks[1].rows == (("e_t", "1.002", "2300"), ("mu", "1.001", "-"))
     assert blocks[2].rows == (("steps", "4000"),)
+
+
+def test_the_axis_of_the_panel_holds_the_fitted_curve(results):
+    fitted = results("fixed")
+    near = replace(fitted, points=fitted.points[fitted.points["gamma_deg"] > 40.0])
+    low, high = payload(near)["observables"][0]["limits"]
+    curve = fitted.predict(np.array([6.0, 84.0]), observable="beta", bands=False)["value"]
+    assert low < curve.min()
+    assert high > curve.max()
 
 
 def test_a_closure_that_is_no_pair_of_lines_has_no_panel(made):

@@ -116,7 +116,8 @@
     const low = Math.min(...seen);
     const high = Math.max(...seen);
     const room = 0.35 * (high - low) || 0.1 * Math.max(Math.abs(high), 0.1);
-    return [low - room, high + room];
+    const fitted = data.observables[observable].limits;
+    return [Math.min(low - room, fitted[0]), Math.max(high + room, fitted[1])];
   }
 
   const width = () => Math.max(280, plot.parentElement.clientWidth);
