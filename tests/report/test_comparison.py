@@ -75,6 +75,16 @@ def test_a_p_that_is_none_is_said_to_be_small(found):
     assert "  < 1e-300  " in row
 
 
+def test_another_test_than_chi2_is_named(found):
+    fit = found.entries["f"].fit
+    fact = fit.facts["lack_of_fit"]
+    other = replace(fact, figures={**fact.figures, "test": "smooth departure"})
+    changed = replace(found.entries["f"], fit=replace(fit, facts={**fit.facts, "lack_of_fit": other}))
+    words = "p of fit of F is of smooth departure, not of chi2, which is too large for sigma without a trend"
+    assert ("note", words) in findings(replace(found, entries={**found.entries, "f": changed}))
+    assert not any(says.startswith("p of fit") for _, says in findings(found))
+
+
 def test_what_did_not_converge_comes_first(found):
     broken = not_converged(found, "f")
     assert not broken.converged

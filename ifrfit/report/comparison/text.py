@@ -132,6 +132,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *comparison.notes,
         *_called(comparison, leading),
         *scene_notes(comparison.best),
+        *_of_tests(comparison),
         *_of_flaws(comparison),
         *_of_plane(comparison),
         *_of_data(comparison),
@@ -140,6 +141,20 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *(("LOOK", says) for says in alarms),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
+    ]
+
+
+def _of_tests(comparison: Comparison) -> list[str]:
+    """Whose p of fit is of another test than chi2, where that of others is of chi2."""
+    groups: dict[str, list[str]] = {}
+    for name, entry in comparison.entries.items():
+        groups.setdefault(entry.fit.facts["lack_of_fit"].figures.get("test") or "", []).append(title(name))
+    if "chi2" not in groups:
+        return []
+    return [
+        f"p of fit of {joined(names)} is of {test}, not of chi2, which is too large for sigma without a trend"
+        for test, names in groups.items()
+        if test not in ("chi2", "")
     ]
 
 
