@@ -52,6 +52,7 @@ def payload(result: FitResult) -> dict[str, Any]:
         with the sigma that chi2 rests on, each group's best values with the inverse of its covariance in the
         coordinates of the state. Only what JSON knows.
     """
+    has_offset = result.noise.angle_offset is not None
     result = at_true_angles(result)
     observables = [name for name in _observables(result) if OBSERVABLES[name].panel is not None]
     points = result.points[result.points["observable"].isin(observables)]
@@ -62,6 +63,7 @@ def payload(result: FitResult) -> dict[str, Any]:
     yardstick = "sigma" if result.noise.policy == "scaled" else "sigma_used"
     return {
         "inertia": float(result.inertia_factor),
+        "across": panels.ANGLE + (", fitted offset added" if has_offset else ""),
         "fitted": result.closure,
         "closures": {
             name: _closure(closure, result.inertia_factor)

@@ -273,6 +273,13 @@ def test_chains_are_shown_only_where_a_sampler_ran(results, reports, appraisals)
     assert blocks[2].rows == (("steps", "4000"),)
 
 
+def test_the_panel_says_that_angles_hold_the_fitted_offset(results):
+    fitted = results("fixed")
+    offset = replace(fitted, noise=replace(fitted.noise, angle_offset=fitted.constants["mu"]))
+    assert payload(fitted)["across"] == "incidence angle γ (deg)"
+    assert payload(offset)["across"] == "incidence angle γ (deg), fitted offset added"
+
+
 def test_the_axis_of_the_panel_holds_the_fitted_curve(results):
     fitted = results("fixed")
     near = replace(fitted, points=fitted.points[fitted.points["gamma_deg"] > 40.0])
