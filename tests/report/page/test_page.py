@@ -17,12 +17,14 @@ from factories import impacts_file, rest_long
 import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.read_result import load_result
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.result.types import Fact
 from ifrfit.report.page import assemble, page
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import policy
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.sections.findings import SECTION as FINDINGS
+from ifrfit.report.page.sections.repeat import from_points
 from ifrfit.report.page.writing import verdict
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
@@ -229,6 +231,26 @@ def test_the_points_inside_the_page_give_the_same_fit(results, tmp_path, monkeyp
             assert found.status == estimate.status
         commands = [block.text for block in blocks if block.kind == "code"]
         assert commands[-1].startswith("ifrfit fit points.csv --closure ifr --method exact --noise ")
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (ErrorModel(), ""),
+        (ErrorModel(dof=4.0), " --dof 4.0 --tails student-t"),
+        (
+            ErrorModel(angles="measured", population=(5.0, 80.0)),
+            " --angle-errors measured --angle-population 5.0,80.0",
+        ),
+        (ErrorModel(offset=3.0), " --angle-offset 3.0"),
+        (ErrorModel(velocity=0.005, spin=0.01), " --sigma-velocity 0.005 --sigma-spin 0.01"),
+    ],
+)
+def test_the_line_that_repeats_the_fit_has_its_errors(results, model, words):
+    fitted = results("fixed")
+    changed = replace(fitted, noise=replace(fitted.noise, error_model=model))
+    line = f"ifrfit fit a.csv --closure ifr --method exact --noise known{words} --fix e_n=0.94"
+    assert from_points(changed, "a.csv") == line
 
 
 def test_the_result_inside_the_page_is_result_json(results, reports):
