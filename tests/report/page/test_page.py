@@ -253,6 +253,14 @@ def test_the_line_that_repeats_the_fit_has_its_errors(results, model, words):
     assert from_points(changed, "a.csv") == line
 
 
+def test_the_line_that_repeats_a_bootstrap_has_its_scheme(results):
+    drawn = Fact(True, "all have an answer", {"scheme": "wild", "replicates": 250}, "")
+    changed = replace(results("fixed"), method="bootstrap", facts={"converged": drawn})
+    assert " --method bootstrap --noise known --resample wild --replicates 250 " in from_points(
+        changed, "a.csv"
+    )
+
+
 def test_the_result_inside_the_page_is_result_json(results, reports):
     downloads = [b for b in section(reports("fixed"), "repeat").blocks if b.kind == "download"]
     assert [download.name for download in downloads] == ["points.csv", "result.json"]

@@ -141,6 +141,9 @@ def from_points(result: FitResult, file: str) -> str:
         return ""
     words = ["ifrfit", "fit", file, "--closure", result.closure, "--method", result.method]
     words += ["--noise", result.noise.policy]
+    figures = result.facts["converged"].figures if "converged" in result.facts else {}
+    if {"scheme", "replicates"} <= figures.keys():
+        words += ["--resample", figures["scheme"], "--replicates", str(figures["replicates"])]
     words += [*_exactness(result), *_errors(result.noise.error_model)]
     if result.noise.separate:
         words += ["--separate", "noise"]
