@@ -33,7 +33,6 @@ class StubResult(FitResult):
     def predict(  # type: ignore[no-untyped-def]
         self, gamma, spin_x=0.0, spin_y=0.0, *, observable="beta", series=None, degrees=True, bands=True
     ):
-        assert bands
         rng = np.random.default_rng(1)
         center, sd = self.state.center, np.sqrt(np.diag(self.state.covariance))
         names = [name.partition("[")[0] for name in self.state.names]

@@ -165,7 +165,7 @@ def misfit_line(result: FitResult) -> str:
     fit, parts = result.fit, []
     if result.noise.policy == "known":
         text = f"chi2 = {fit.chi2:.4g} for {fit.dof} degree{'s' if fit.dof != 1 else ''} of freedom"
-        parts.append(text if fit.p_value is None else f"{text} (p = {fit.p_value:.2g})")
+        parts.append(text if fit.p_value is None else f"{text} (p = {p_text(fit.p_value)})")
     if fit.log_evidence is not None:
         parts.append(f"log evidence {fixed(fit.log_evidence, 2)}")
     return "; ".join(parts)

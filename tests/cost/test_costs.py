@@ -150,6 +150,15 @@ def test_the_picture_shows_what_was_measured(costs):
     assert figure.legends[0].get_title().get_text() == ASIDE
 
 
+def test_impacts_that_lose_alike_share_a_line(costs):
+    time = Timing(1e-9, 0.9e-9, 1.4e-9, 5)
+    lost = {"spins of 1e6": 0.1, "slip cancels to 1e-6": 0.12, "grazing": 6e-3}
+    measured = tuple(Cost("arithmetic", "float32", name, "beta", time, lost[name], "1") for name in lost)
+    (axes,) = replace(costs, costs=measured).plot("arithmetic").axes
+    words = [text.get_text() for text in axes.texts]
+    assert words == ["slip cancels to 1e-6: beta; spins of 1e6: beta", "grazing: beta"]
+
+
 def test_a_kind_that_was_not_measured_has_no_picture(costs):
     with pytest.raises(UsageError, match="Nothing of the kind arithmetic was measured"):
         costs.plot("arithmetic")

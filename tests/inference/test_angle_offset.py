@@ -290,6 +290,15 @@ def test_a_comparison_passes_it_on(path):
     assert found.entries["ifr"].loo.elpd > found.entries["fr"].loo.elpd
 
 
+def test_the_closures_of_a_page_are_those_of_the_comparison(path):
+    made = path(offset=2.0)
+    noise = with_offset(3.0)
+    of_page = appraise(ifrfit.fit(made, noise=noise)).comparison
+    beside = ifrfit.compare(made, noise=noise, loo=False)
+    chi2 = {name: entry.fit.fit.chi2 for name, entry in of_page.entries.items()}
+    assert chi2 == pytest.approx({name: entry.fit.fit.chi2 for name, entry in beside.entries.items()})
+
+
 @pytest.mark.parametrize(
     ("choices", "says"),
     [

@@ -10,6 +10,7 @@ import pytest
 from comparison_data import FOUR, not_converged, observations
 from factories import cut_off
 
+from ifrfit import Noise
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.report import write_folder
@@ -52,6 +53,36 @@ def test_chi2_is_shown_only_where_it_says_something(found):
     assert " chi2 " not in unknown
     assert " AICc " in unknown
     assert " AICc " not in found.summary()
+
+
+def test_there_are_criteria_where_the_likelihood_is_gaussian_alone(found):
+    data = observations("ifr", sigma=0.05, e_t=-0.85)
+    heavy = Noise("known", tails="student-t")
+    text = compare(data, ("f", "ifr"), loo=False, fix={"e_n": 0.9}, noise=heavy).summary()
+    assert " AIC " in found.summary()
+    assert " AIC " not in text
+    assert " nan " not in text
+
+
+def test_a_p_that_is_none_is_said_to_be_small(found):
+    fact = found.entries["f"].fit.facts["lack_of_fit"]
+    nothing = replace(fact, figures={**fact.figures, "p": 0.0})
+    fit = replace(found.entries["f"].fit, facts={**found.entries["f"].fit.facts, "lack_of_fit": nothing})
+    entries = {**found.entries, "f": replace(found.entries["f"], fit=fit)}
+    (row,) = [
+        line for line in replace(found, entries=entries).summary().splitlines() if line.startswith("  F  ")
+    ][:1]
+    assert "  < 1e-300  " in row
+
+
+def test_another_test_than_chi2_is_named(found):
+    fit = found.entries["f"].fit
+    fact = fit.facts["lack_of_fit"]
+    other = replace(fact, figures={**fact.figures, "test": "smooth departure"})
+    changed = replace(found.entries["f"], fit=replace(fit, facts={**fit.facts, "lack_of_fit": other}))
+    words = "p of fit of F is of smooth departure, not of chi2, which is too large for sigma without a trend"
+    assert ("note", words) in findings(replace(found, entries={**found.entries, "f": changed}))
+    assert not any(says.startswith("p of fit") for _, says in findings(found))
 
 
 def test_what_did_not_converge_comes_first(found):
@@ -97,6 +128,12 @@ def test_figure_holds_data_lines_residuals_and_factors(found):
     assert data.get_ylabel().endswith("(–)")
     assert strips[-1].get_xlabel() == "incidence angle γ (deg)"
     assert "LOO difference" in evidence.get_xlabel()
+
+
+def test_factors_beyond_all_measure_have_few_ticks(found):
+    far = {**found.entries, "f": replace(found.entries["f"], log_bayes_factor=-2e10, loo=None)}
+    labels = [text.get_text() for text in replace(found, entries=far).plot().axes[-1].get_xticklabels()]
+    assert labels == ["\u22121e10", "\u22121e7", "\u221210\u2009000", "\u221210", "0"]
 
 
 def test_figure_of_a_stand_in_says_so_everywhere(stand_in):

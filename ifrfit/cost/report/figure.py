@@ -34,6 +34,7 @@ _X_LABELS = {
 _SHORT = 18  # letters of a setting that is written beside its marker
 _LOST = 1e-5  # error in arithmetic from which on impacts are named
 _LEAST = 1e-17  # smaller errors are drawn here, with their number
+_NEAR = 4.0  # factor between errors within which labels would overlap
 
 
 def plot(costs: Costs, kind: Kind) -> Figure:
@@ -172,10 +173,16 @@ def _draw_questions(axes: Axes, choices: Sequence[Choice]) -> None:
         axes.plot(
             [c.time.median for c in own], [max(c.error, _LEAST) for c in own], color="0.75", lw=0.7, zorder=1
         )
-    for choice in choices:
+    labels: list[tuple[float, float, list[str]]] = []  # neighbours share a line
+    for choice in sorted(choices, key=lambda choice: (choice.time.median, -choice.error)):
         if choice.error > _LOST:
             worst = max(choice.errors, key=lambda name: choice.errors[name])
-            axes.annotate(
-                f"{choice.setting}: {worst}", (choice.time.median, choice.error), xytext=(5, -2),
-                textcoords="offset points", fontsize=5.8, color=style.GREY, zorder=5,
-            )  # fmt: skip
+            x, y = choice.time.high, choice.error
+            if not labels or labels[-1][0] != x or labels[-1][1] > _NEAR * y:
+                labels.append((x, y, []))
+            labels[-1][2].append(f"{choice.setting}: {worst}")
+    for x, y, words in labels:
+        axes.annotate(
+            "; ".join(words), (x, y), xytext=(5, -2), textcoords="offset points", fontsize=5.8,
+            color=style.GREY, zorder=5,
+        )  # fmt: skip

@@ -52,7 +52,7 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
         found = _preferred(entries, ranked, priors) if len(tied) == 1 else _undecided(entries, ranked, tied)
     says = found.says
     if "simulated" in kinds:
-        says = f"Of the simulation, not of an experiment: {says}"
+        says = f"Of the simulation, not of an experiment: {says[:1].lower()}{says[1:]}"
     loose = [title(name) for name, entry in entries.items() if not entry.fit.facts["converged"].ok]
     if loose:
         says += f" Provisional: the posterior of {joined(loose)} did not converge."

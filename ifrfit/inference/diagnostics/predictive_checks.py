@@ -187,7 +187,8 @@ def _phrase(name: str, p: float, figures: Mapping[str, Any], seen: _Seen) -> str
     if name == "chi2":
         return f"chi2 is {seen.chi2.mean():.4g} for {seen.mean.size} rows (p = {p_text(p)})"
     if name == "runs":
-        changes = f"{seen.changes.mean():.0f} times in {seen.n_neighbours} steps along tau"
+        count = round(float(seen.changes.mean()))
+        changes = f"{count} time{'' if count == 1 else 's'} in {seen.n_neighbours} steps along tau"
         return f"residuals change sign {changes} (p = {p_text(p)})"
     if name == "largest":
         largest = figures["largest"]

@@ -207,12 +207,12 @@ def _by_spin(problem: Problem, theta: Array, more: tuple[float, float]) -> Array
 def _largest_move(
     moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]
 ) -> tuple[str, float]:
-    """The constant that moves most in its sd, by how much; empty and 0 where none has a value."""
+    """The constant that moves most in its sd, by how much; empty and 0 where none has a value, or none moves."""
     alone = len(kappas) == 1
     of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
     # kappa speaks where the data leave mu open
     share = _share(moves, by_entry(constants)) or _share(moves, of_kappa)
-    if not share:
+    if not any(share.values()):
         return "", 0.0
     name = max(share, key=lambda one: share[one])
     return f"{name} by {abs(moves[name]):.2g}, {share[name]:.2g} sd", share[name]

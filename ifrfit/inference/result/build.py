@@ -174,7 +174,7 @@ def build_result(
     """
     asked = problem
     problem = at_fitted_offset(asked, optimum)
-    about = summary or summarize_optimum(problem, optimum, conditions)
+    about = summary or summarize_optimum(asked, optimum, conditions)
     own = estimation.distribution
     constants, kappas, transitions = _estimates(problem, about, estimation)
     names = problem.parameters.free_names

@@ -22,6 +22,7 @@ from ifrfit.report.panels import Pen, draw_curve, handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY, save_svg_and_png
+from ifrfit.text import power_of_ten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 
 _DATA, _STRIP, _BAR = 2.2, 0.42, 0.16  # inches
 LINEAR = 5.0  # log Bayes factor up to which the axis is linear
+MOST_DECADES, LONG = 4, 1e5  # about so many are labelled; numbers from here on as powers of ten
 _LETTERS = 13.0  # of a title to an inch
 COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")
 
@@ -61,7 +63,7 @@ def plot(comparison: Comparison) -> Figure:
         lines = math.ceil(len(legend) / (2 * columns))
         height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
         figure = style.new_figure(width_mm, height, "constrained")
-        figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
+        figure.get_layout_engine().set(w_pad=0.08, h_pad=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(2, columns, height_ratios=[max(body, 1e-3), bars])
         for number, observable in enumerate(observables):
             inner = grid[0, number].subgridspec(
@@ -141,7 +143,7 @@ def _draw_strip(
         mec=series_style.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
     )  # fmt: skip
     axes.set_ylim(-top, top)
-    axes.set_yticks([-tick, tick])
+    axes.set_yticks([-tick, tick], strip_labels(tick))
     axes.set_ylabel(f"{words}\n(σ)", fontsize=6.0, rotation=0, ha="right", va="center")
 
 
@@ -149,6 +151,12 @@ def strip_limit(z: Array) -> tuple[float, float]:
     """Upper end of an axis of standardised residuals in a strip, and the one tick on either side of zero."""
     top = max(3.5, 1.25 * float(np.abs(z[np.isfinite(z)]).max(initial=0.0)))
     return top, 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")
+
+
+def strip_labels(tick: float) -> tuple[str, str]:
+    """Labels of the two ticks, short enough to stand beside the name of a closure."""
+    text = f"{tick:.0f}" if tick < 1e3 else power_of_ten(tick)
+    return f"\u2212{text}", text
 
 
 def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.SeriesStyle]) -> None:
@@ -178,12 +186,18 @@ def _scale(axes: Axes, comparison: Comparison) -> None:
     axes.set_xscale("symlog", linthresh=LINEAR)
     axes.set_xlim(low, high)
     if low < -1.6 * LINEAR:
-        decades = [-(10.0**k) for k in range(1, math.ceil(math.log10(-low)))]
+        powers = math.ceil(math.log10(-low))
+        decades = [-(10.0**k) for k in range(1, powers, max(1, round(powers / MOST_DECADES)))]
         ticks = [*reversed(decades), 0.0]
     else:
         ticks = [float(x) for x in range(math.ceil(low), 1)]
-    axes.set_xticks(ticks, [f"{x:,.0f}".replace("-", "\u2212").replace(",", "\u2009") for x in ticks])
+    axes.set_xticks(ticks, [_thousands(x) for x in ticks])
     axes.minorticks_off()
+
+
+def _thousands(x: float) -> str:
+    text = f"{x:,.0f}" if abs(x) < LONG else f"-{power_of_ten(-x)}"
+    return text.replace("-", "\u2212").replace(",", "\u2009")
 
 
 def evidence_limits(comparison: Comparison) -> tuple[float, float]:

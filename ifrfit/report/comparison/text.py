@@ -31,12 +31,14 @@ def criteria(comparison: Comparison) -> list[Column]:
     columns: list[Column] = [("constants", lambda e: f"{e.fit.fit.rank} of {e.free}")]
     if comparison.best.noise.policy not in ("unknown", "mixed"):
         columns.append(("chi2", lambda e: _short(e.fit.fit.chi2)))
-    columns += [("p of fit", _p_of_fit), ("AIC", lambda e: fixed(e.fit.fit.aic, 1))]
-    if any(entry.aicc is not None for entry in comparison.entries.values()):
-        columns.append(("AICc", lambda e: "-" if e.aicc is None else fixed(e.aicc, 1)))
+    columns.append(("p of fit", _p_of_fit))
+    if comparison.best.noise.error_model.is_plain:  # criteria are of a Gaussian likelihood
+        columns.append(("AIC", lambda e: fixed(e.fit.fit.aic, 1)))
+        if any(entry.aicc is not None for entry in comparison.entries.values()):
+            columns.append(("AICc", lambda e: "-" if e.aicc is None else fixed(e.aicc, 1)))
+        columns.append(("BIC", lambda e: fixed(e.fit.fit.bic, 1)))
     return [
         *columns,
-        ("BIC", lambda e: fixed(e.fit.fit.bic, 1)),
         ("log evidence", lambda e: fixed(e.log_evidence, 2)),
         ("log BF", lambda e: fixed(e.log_bayes_factor, 2)),
         ("probability", lambda e: _probability(e.probability)),
@@ -45,7 +47,7 @@ def criteria(comparison: Comparison) -> list[Column]:
 
 def _p_of_fit(entry: Entry) -> str:
     p = entry.fit.facts["lack_of_fit"].figures["p"]
-    return "-" if p is None else p_text(p).split(",")[0]
+    return "-" if p is None else "< 1e-300" if p < 1e-300 else p_text(p)
 
 
 def _probability(p: float) -> str:
@@ -130,6 +132,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *comparison.notes,
         *_called(comparison, leading),
         *scene_notes(comparison.best),
+        *_of_tests(comparison),
         *_of_flaws(comparison),
         *_of_plane(comparison),
         *_of_data(comparison),
@@ -138,6 +141,20 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *(("LOOK", says) for says in alarms),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
+    ]
+
+
+def _of_tests(comparison: Comparison) -> list[str]:
+    """Whose p of fit is of another test than chi2, where that of others is of chi2."""
+    groups: dict[str, list[str]] = {}
+    for name, entry in comparison.entries.items():
+        groups.setdefault(entry.fit.facts["lack_of_fit"].figures.get("test") or "", []).append(title(name))
+    if "chi2" not in groups:
+        return []
+    return [
+        f"p of fit of {joined(names)} is of {test}, not of chi2, which is too large for sigma without a trend"
+        for test, names in groups.items()
+        if test not in ("chi2", "")
     ]
 
 

@@ -12,7 +12,7 @@ from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
-from ifrfit.report import style
+from ifrfit.report import panels, style
 from ifrfit.report.page.charts.chart import shortened
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import at_true_angles
@@ -52,6 +52,7 @@ def payload(result: FitResult) -> dict[str, Any]:
         with the sigma that chi2 rests on, each group's best values with the inverse of its covariance in the
         coordinates of the state. Only what JSON knows.
     """
+    has_offset = result.noise.angle_offset is not None
     result = at_true_angles(result)
     observables = [name for name in _observables(result) if OBSERVABLES[name].panel is not None]
     points = result.points[result.points["observable"].isin(observables)]
@@ -62,6 +63,7 @@ def payload(result: FitResult) -> dict[str, Any]:
     yardstick = "sigma" if result.noise.policy == "scaled" else "sigma_used"
     return {
         "inertia": float(result.inertia_factor),
+        "across": panels.ANGLE + (", fitted offset added" if has_offset else ""),
         "fitted": result.closure,
         "closures": {
             name: _closure(closure, result.inertia_factor)
@@ -74,6 +76,7 @@ def payload(result: FitResult) -> dict[str, Any]:
                 "label": OBSERVABLES[name].meaning,
                 "unit": OBSERVABLES[name].unit_text,
                 "angled": OBSERVABLES[name].has_angle,
+                "limits": _limits(result, name),
             }
             for name in observables
         ],
@@ -110,6 +113,13 @@ def payload(result: FitResult) -> dict[str, Any]:
         "thinned": step > 1,
         "n": len(points),
     }
+
+
+def _limits(result: FitResult, observable: str) -> list[float]:
+    """Ends of the axis that hold the data and the fitted curves, as in the figure of the fit."""
+    rows = result.points[result.points["observable"] == observable]
+    names = [str(name) for name in rows["series"].unique()]
+    return list(panels.value_limits(rows, panels.curves(result, observable, names, bands=False), None))
 
 
 def _yardstick(result: FitResult) -> str:

@@ -34,7 +34,7 @@ MOST_NAMED = 6
 VERBS = {
     "found": "give",
     "prior": "give, with your prior,",
-    "limit": "say",
+    "limit": "only bound",
     "open": "do not determine",
 }
 CHECKED = ("lack_of_fit", "outliers", "predictive")
@@ -77,7 +77,7 @@ def _determined(result: FitResult) -> str:
     sentence = f"{main_clause}; {fixed}." if fixed else f"{main_clause}."
     if is_stand_in(result):
         what = sentence[:1].lower() + sentence[1:]
-        return f"A fit to generated data, which recovers what was put in and is no finding: {what}"
+        return f"A fit to generated data, which shows that the tool works and is no finding: {what}"
     return sentence
 
 

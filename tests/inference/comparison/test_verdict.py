@@ -118,7 +118,7 @@ def test_refuted_stand_ins_carry_no_verdict_either():
 def test_simulations_say_that_they_are():
     found = compared("ifr", closures=("f", "ifr"), sigma=0.02, provenance="simulated", e_t=-0.7).verdict
     assert found.kind == "preferred"
-    assert found.says.startswith("Of the simulation, not of an experiment: The data favour IFR")
+    assert found.says.startswith("Of the simulation, not of an experiment: the data favour IFR")
 
 
 def test_what_did_not_converge_is_provisional():

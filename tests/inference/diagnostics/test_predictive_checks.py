@@ -206,6 +206,11 @@ def test_a_smooth_departure_fails_the_runs():
     assert "; the misfit sits in beta " in fact.says
 
 
+def test_one_change_of_sign_is_one_time():
+    fact = predictive(noisy(build(40), np.where(np.arange(40) < 20, 5.0, -5.0)), TRUTH)
+    assert "residuals change sign 1 time in 39 steps along tau" in fact.says
+
+
 def test_residuals_that_take_turns_fail_the_runs_too():
     fact = predictive(noisy(build(40), 0.7 * (-1.0) ** np.arange(40)), TRUTH)
     assert "runs" in fact.figures["failed"]

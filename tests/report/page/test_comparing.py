@@ -15,10 +15,12 @@ from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
+from ifrfit.report.comparison.figure import strip_labels
 from ifrfit.report.page import assemble
 from ifrfit.report.page.charts.chart import Bars, Box, Points
-from ifrfit.report.page.sections.closures import draw_closures
+from ifrfit.report.page.sections.closures import LONGEST, _entries, draw_closures
 from ifrfit.report.page.svg import inline
+from ifrfit.report.style import series_styles
 
 
 @pytest.fixture
@@ -122,3 +124,18 @@ def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, appraisal
     assert appraisal.comparison.verdict.says not in drawn
     assert own.blocks[2].caption.endswith("Bayes factors against the best.")
     assert appraisal.comparison.plot().get_suptitle().replace("\n", " ") == appraisal.comparison.verdict.says
+
+
+def test_the_legend_of_a_long_name_has_room_and_its_provenance(appraisal):
+    found, name = appraisal.comparison, "m" * 80
+    entries = {
+        closure: replace(entry, fit=replace(entry.fit, points=entry.fit.points.assign(series=name)))
+        for closure, entry in found.entries.items()
+    }
+    entry = _entries(replace(found, entries=entries), series_styles(list(entries)), ["beta"])[-1]
+    assert entry.label == f"{'m' * (LONGEST - 1)}… (provenance not stated)"
+
+
+@pytest.mark.parametrize(("tick", "label"), [(2.0, "2"), (60.0, "60"), (2e4, "2e4")])
+def test_labels_of_a_strip_are_short(tick, label):
+    assert strip_labels(tick) == (f"−{label}", label)

@@ -92,6 +92,16 @@ def test_a_corner_has_a_cell_a_pair():
     assert histogram.high[1:-1:2].tolist() == counts.tolist()
 
 
+def test_a_corner_holds_the_stated_intervals():
+    columns = {"e_n": np.linspace(-1.0, 1.0, 200), "mu": np.linspace(0.0, 1.0, 200)}
+    chart = draw_corner(columns, {"e_n": (-3.0, 2.0), "mu": (-math.inf, 0.5)})
+    axis = chart.panels[0].x
+    assert axis.low < -3.0
+    assert axis.high > 2.0
+    assert len(of(chart, Line)) == 2 + 2  # outline, median and both ends
+    assert math.isfinite(chart.panels[-1].x.low)
+
+
 def test_smoothing_is_that_of_scipy():
     counts = np.random.default_rng(3).poisson(2.0, (40, 40)).astype(float)
     expected = ndimage.gaussian_filter(counts, 1.6, mode="reflect")

@@ -12,15 +12,20 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import impacts_file, rest_long
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.read_result import load_result
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.result.types import Fact
 from ifrfit.report.page import assemble, page
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import policy
+from ifrfit.report.page.report_input import ReportInput
+from ifrfit.report.page.sections.findings import SECTION as FINDINGS
+from ifrfit.report.page.sections.repeat import from_points
+from ifrfit.report.page.writing import verdict
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
 
@@ -158,11 +163,35 @@ def test_what_contradicts_the_fit_is_in_the_verdict(made):
     assert report.alarm
 
 
+def test_names_of_series_stay_as_they_are(tmp_path):
+    gamma = np.linspace(3.0, 85.0, 12)
+    parts = ({"gamma": gamma, "noise": 0.05, "c": -0.8, "series": name} for name in ("dry", "d. wet"))
+    result = ifrfit.fit(impacts_file(tmp_path / "a.csv", *parts), fix={"e_n": 0.94}, method="lsq")
+    words = " ".join(block.text for block in FINDINGS.build(ReportInput(result, None))[:-1])
+    assert " dry: " in words
+    assert " d. wet: " in words
+    assert " Assumed: " in words
+
+
+def test_a_limit_alone_is_a_bound(results):
+    estimate = replace(
+        results("fixed").constants["e_t"], value=None, status="one_sided", interval95=(-0.6, -0.4)
+    )
+    limited = replace(results("fixed"), constants={**results("fixed").constants, "e_t": estimate})
+    assert "; they only bound e_t (95 % in [-0.600, -0.400]); " in verdict(limited)[0]
+
+
+def test_strengths_of_effects_have_the_digits_of_their_sd(reports):
+    for row in section(reports("digitised"), "effects").blocks[1].rows:
+        value, sd = row[1:3]
+        assert [len(text.partition(".")[2]) for text in (value, sd)] == [len(sd.partition(".")[2])] * 2, row
+
+
 def test_a_stand_in_is_impossible_to_overlook(pages, reports):
     report = reports("stand-in")
     assert report.badges[0].text == "STAND-IN, not an experiment"
     assert report.verdict[0].startswith(
-        "A fit to generated data, which recovers what was put in and is no finding: "
+        "A fit to generated data, which shows that the tool works and is no finding: "
     )
     words = Elements(pages("stand-in")).text
     for start in ("Data, the fitted curve", "Standardised residuals", "The data: 17 rows", "The data used"):
@@ -202,6 +231,34 @@ def test_the_points_inside_the_page_give_the_same_fit(results, tmp_path, monkeyp
             assert found.status == estimate.status
         commands = [block.text for block in blocks if block.kind == "code"]
         assert commands[-1].startswith("ifrfit fit points.csv --closure ifr --method exact --noise ")
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (ErrorModel(), ""),
+        (ErrorModel(dof=4.0), " --dof 4.0 --tails student-t"),
+        (
+            ErrorModel(angles="measured", population=(5.0, 80.0)),
+            " --angle-errors measured --angle-population 5.0,80.0",
+        ),
+        (ErrorModel(offset=3.0), " --angle-offset 3.0"),
+        (ErrorModel(velocity=0.005, spin=0.01), " --sigma-velocity 0.005 --sigma-spin 0.01"),
+    ],
+)
+def test_the_line_that_repeats_the_fit_has_its_errors(results, model, words):
+    fitted = results("fixed")
+    changed = replace(fitted, noise=replace(fitted.noise, error_model=model))
+    line = f"ifrfit fit a.csv --closure ifr --method exact --noise known{words} --fix e_n=0.94"
+    assert from_points(changed, "a.csv") == line
+
+
+def test_the_line_that_repeats_a_bootstrap_has_its_scheme(results):
+    drawn = Fact(True, "all have an answer", {"scheme": "wild", "replicates": 250}, "")
+    changed = replace(results("fixed"), method="bootstrap", facts={"converged": drawn})
+    assert " --method bootstrap --noise known --resample wild --replicates 250 " in from_points(
+        changed, "a.csv"
+    )
 
 
 def test_the_result_inside_the_page_is_result_json(results, reports):
@@ -244,6 +301,22 @@ def test_chains_are_shown_only_where_a_sampler_ran(results, reports, appraisals)
     assert blocks[1].head == ("quantity", "R-hat", "bulk ESS")
     assert blocks[1].rows == (("e_t", "1.002", "2300"), ("mu", "1.001", "-"))
     assert blocks[2].rows == (("steps", "4000"),)
+
+
+def test_the_panel_says_that_angles_hold_the_fitted_offset(results):
+    fitted = results("fixed")
+    offset = replace(fitted, noise=replace(fitted.noise, angle_offset=fitted.constants["mu"]))
+    assert payload(fitted)["across"] == "incidence angle γ (deg)"
+    assert payload(offset)["across"] == "incidence angle γ (deg), fitted offset added"
+
+
+def test_the_axis_of_the_panel_holds_the_fitted_curve(results):
+    fitted = results("fixed")
+    near = replace(fitted, points=fitted.points[fitted.points["gamma_deg"] > 40.0])
+    low, high = payload(near)["observables"][0]["limits"]
+    curve = fitted.predict(np.array([6.0, 84.0]), observable="beta", bands=False)["value"]
+    assert low < curve.min()
+    assert high > curve.max()
 
 
 def test_a_closure_that_is_no_pair_of_lines_has_no_panel(made):

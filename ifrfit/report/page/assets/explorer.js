@@ -65,7 +65,7 @@
     return sum;
   }
 
-  // Mahalanobis distance from the best values by the posterior covariance, and fixed constants that were moved
+  // Mahalanobis distance from the stated values by the posterior covariance, and fixed constants that were moved
   function distance(v) {
     const own = group();
     const constant = data.closures[data.fitted].constant;
@@ -116,7 +116,8 @@
     const low = Math.min(...seen);
     const high = Math.max(...seen);
     const room = 0.35 * (high - low) || 0.1 * Math.max(Math.abs(high), 0.1);
-    return [low - room, high + room];
+    const fitted = data.observables[observable].limits;
+    return [Math.min(low - room, fitted[0]), Math.max(high + room, fitted[1])];
   }
 
   const width = () => Math.max(280, plot.parentElement.clientWidth);
@@ -183,7 +184,7 @@
       add("line", { x1: MARGIN.left, x2: MARGIN.left + 5, y1: y(at), y2: y(at), stroke: "#222" });
       add("text", { x: MARGIN.left - 5, y: y(at) + 4, "text-anchor": "end" }, plot, at.toFixed(digits).replace("-", "−"));
     }
-    add("text", { x: (MARGIN.left + w - MARGIN.right) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, plot, "incidence angle γ (deg)");
+    add("text", { x: (MARGIN.left + w - MARGIN.right) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, plot, data.across);
     add("text", { transform: `translate(11 ${(HEIGHT - MARGIN.bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, plot, `${observable.label} (${observable.unit})`);
   }
 
@@ -223,13 +224,13 @@
     const now = chi2(v, closure());
     const least = chi2(best(), data.closures[data.fitted]);
     const of = data.thinned ? ` (of the ${count} rows shown, of ${data.n})` : "";
-    $("chi2").textContent = `${now.toPrecision(4)}; at the best values ${least.toPrecision(4)}${of}`;
+    $("chi2").textContent = `${now.toPrecision(4)}; at the stated values ${least.toPrecision(4)}${of}`;
     if (state.closure !== data.fitted) {
       $("distance").textContent = `not defined: the fit is of closure ${data.closures[data.fitted].title}`;
     } else {
       const { sd, fixed } = distance(v);
       const moved = fixed.length ? `; ${fixed.join(" and ")} had no spread in the fit` : "";
-      $("distance").textContent = `${sd < 100 ? sd.toFixed(2) : sd.toPrecision(3)} sd from the best values${moved}`;
+      $("distance").textContent = `${sd < 100 ? sd.toFixed(2) : sd.toPrecision(3)} sd from the stated values${moved}`;
     }
     const angles = ifrfit.transitions(closure(), v.e_n, v.c, v.mu, v.spin_x, v.spin_y);
     const sticks = ifrfit.rebound(ifrfit.incidence(45, v.spin_x, v.spin_y), closure(), v.e_n, v.c, v.mu, data.inertia).sticking;
@@ -245,7 +246,7 @@
     if (data.groups.length > 1) said.push(`It counts the rows of ${own.name} alone, whose constants these are.`);
     if (v.spin_x !== own.spin_x || v.spin_y !== own.spin_y) said.push(`The dashed curve is at the spin chosen, the data of ${own.name} are not.`);
     $("note").textContent = said.join(" ");
-    $("legend").textContent = `Solid: the constants chosen${group().series.length > 1 ? ", each series at its own spin" : ""}. Dotted: the best values${group().series.length > 1 ? ` at the spin of ${own.name}` : ""}.`;
+    $("legend").textContent = `Solid: the constants chosen${group().series.length > 1 ? ", each series at its own spin" : ""}. Dotted: the stated values${group().series.length > 1 ? ` at the spin of ${own.name}` : ""}.`;
   }
 
   // ---- controls

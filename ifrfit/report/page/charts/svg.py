@@ -227,12 +227,14 @@ class _Writer:
             ]
             written.append(f"<g>{''.join(found)}</g>")
             place += 1.3 * TICK_LETTERS
+        middle = 0.5 * (frame.left + frame.right)
         if ticks.note and axis.labelled:
             written.append(
                 _text(Words(frame.right, place, ticks.note, 0.9 * TICK_LETTERS, anchor="end", height="top"))
             )
+            taken = width(ticks.note, 0.9 * TICK_LETTERS) + GAP + 0.5 * width(axis.label, LABEL_LETTERS)
+            middle = min(middle, frame.right - taken)
         if axis.label:
-            middle = 0.5 * (frame.left + frame.right)
             written.append(_text(Words(middle, place + 0.8, axis.label, LABEL_LETTERS, height="top")))
         return written
 
@@ -260,6 +262,7 @@ class _Writer:
         if axis.label and axis.label_turned:
             lines = axis.label.split("\n")
             place = side - longest - 0.5 * LABEL_LETTERS - 3.5 - (len(lines) - 1) * _LINE * LABEL_LETTERS
+            place = max(place, 0.6 * LABEL_LETTERS)  # rather near its ticks than cut
             middle = 0.5 * (frame.top + frame.bottom)
             for line in lines:
                 written.append(_text(Words(place, middle, line, LABEL_LETTERS, turn=90.0)))

@@ -16,6 +16,7 @@ from ifrfit.report.comparison.figure import (
     evidence_limits,
     observables_over_angle,
     rows_of,
+    strip_labels,
     strip_limit,
 )
 from ifrfit.report.comparison.text import CROSS_VALIDATION, criteria, cross_validated, findings, prior_line
@@ -34,8 +35,9 @@ from ifrfit.report.page.charts.chart import (
     Points,
     Words,
     plain,
+    shortened,
 )
-from ifrfit.report.page.charts.scales import SymmetricLogarithmic, Ticks, number_text
+from ifrfit.report.page.charts.scales import SymmetricLogarithmic, Ticks
 from ifrfit.report.page.charts.typesetting import width
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
@@ -45,11 +47,11 @@ from ifrfit.report.sentences import sentence
 from ifrfit.report.style import GREY, PANEL_WIDTH_MM, SeriesStyle, series_styles
 
 # millimetres
-LEFT, RIGHT, TOP, DATA, STRIP, GAP, BAR = 19.0, 3.0, 3.0, 56.0, 10.0, 0.6, 4.4
+LEFT, RIGHT, TOP, DATA, STRIP, GAP, BAR = 22.5, 3.0, 3.0, 56.0, 10.0, 0.6, 4.4
 UNDER, UNDER_EVIDENCE = 13.0, 16.0  # for ticks and label of an axis
 WORDS = "log Bayes factor against the best (bars)", "grey: no preference"
 LOO = "LOO difference ± se (points)"
-LONGEST = 40  # characters of a line of the legend
+LONGEST = 26  # characters of a series' name in the legend
 ANGLES = Ticks(tuple(15.0 * i for i in range(7)), tuple(str(15 * i) for i in range(7)))
 
 
@@ -173,7 +175,7 @@ def _strip(
 ) -> Panel:
     gamma, z = numbers(rows, "gamma_deg", "standardised")
     top, tick = strip_limit(z)
-    ticks = Ticks((-tick, tick), (number_text(-tick, 0), number_text(tick, 0)))
+    ticks = Ticks((-tick, tick), strip_labels(tick))
     y = Axis(-top, top, f"{title(name)}\n(σ)", ticks=ticks, mirrored=True, label_turned=False)
     ends = np.array([0.0, 90.0])
     marks: tuple[Mark, ...] = (
@@ -222,7 +224,9 @@ def _entries(comparison: Comparison, styles: dict[str, SeriesStyle], observables
     points = comparison.best.points
     markers = series_styles([str(name) for name in points["series"].unique()])
     for name in map(str, points["series"][points["observable"].isin(observables)].unique()):
-        label = " ".join(series_label(points, name, LONGEST).split())
+        short = shortened(name, LONGEST)  # the provenance stays
+        own_rows = points[points["series"] == name].assign(series=short)
+        label = " ".join(series_label(own_rows, short, LONGEST).split())
         entries.append(Entry(label, None, _mark(markers[name].marker, 4.2, "#fff", "#000")))
     return entries
 

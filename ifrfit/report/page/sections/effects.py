@@ -11,7 +11,7 @@ from ifrfit.report.page.blocks import Block, Paragraph, Table
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.sentences import scene_notes, sentence
-from ifrfit.text import p_text
+from ifrfit.text import p_text, plus_minus
 
 # what a misfit may be instead of an effect
 _RIVALS = {
@@ -43,8 +43,7 @@ def _tests(result: FitResult) -> Table:
     rows = tuple(
         (
             _title(name),
-            _number(test["strength"]),
-            _number(test["sd"]),
+            *_cells(test["strength"], test["sd"]),
             f"{test['drop']:.1f}",
             p_text(test["p"]),
         )
@@ -63,12 +62,14 @@ def _tests(result: FitResult) -> Table:
     )
 
 
+def _cells(strength: float, sd: float) -> tuple[str, str]:
+    """Both to two digits of the sd, as the words above the table have them."""
+    value, _, own = plus_minus(strength, sd).partition(" +- ")
+    return value, own or "-"
+
+
 def _title(name: str) -> str:
     return EFFECTS[name].title if name in EFFECTS else _RIVALS.get(name, name)
-
-
-def _number(x: float) -> str:
-    return f"{x:.2g}"
 
 
 def _scene(result: FitResult) -> Paragraph:

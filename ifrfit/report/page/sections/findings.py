@@ -22,9 +22,10 @@ def build(given: ReportInput) -> Sequence[Block]:
             # of several kinds this one is told first
             paragraphs.append(Paragraph(f"{source.name}: {sentences.pop(1)}", "stand-in"))
         paragraphs.append(Paragraph(" ".join(sentences)))
-    further = misfit_line(result), assumed_line(result)
-    lines = [model_line(result), *regime_lines(result, "±"), *(line for line in further if line)]
-    paragraphs.append(Paragraph(" ".join(sentence(line) for line in lines)))
+    further = [sentence(line) for line in (misfit_line(result), assumed_line(result)) if line]
+    # a line of a series begins with its name, which stays as it is
+    regimes = [f"{line}." for line in regime_lines(result, "±")]
+    paragraphs.append(Paragraph(" ".join([sentence(model_line(result)), *regimes, *further])))
     return (*paragraphs, Findings(tuple(findings(result))))
 
 

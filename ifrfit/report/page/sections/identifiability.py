@@ -35,7 +35,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
         return None
     figures = fact.figures
     counts = (
-        f" The data see {figures['rank']} independent combinations of {figures['free']} free constants."
+        f" The data see {_counted(figures['rank'], 'independent combination')} of "
+        f"{_counted(figures['free'], 'free constant')}."
         if {"rank", "free"} <= set(figures)
         else ""
     )
@@ -129,6 +130,10 @@ def _parts(found: Directions, left: float, wide: float, tall: float) -> Panel:
     x = Axis(-0.5, n - 0.5, ticks=names, marked=False)
     y = Axis(n - 0.5, -0.5, ticks=ends, marked=False)
     return Panel(left, TOP_MM, wide, tall, x, y, tuple(marks), "made of", has_frame=False)
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def share_text(share: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
 MOST = 6
 Array = NDArray[np.float64]
 
-CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM, TOP_MM = 36.0, 15.0, 11.0, 2.0, 2.0
+CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM, TOP_MM = 36.0, 15.0, 11.0, 3.2, 2.0  # the gap holds a note on ticks
 BINS = 30
 LONGEST = 10  # characters of a series' name
 SHOWN = 400  # draws drawn as points
@@ -99,7 +100,7 @@ def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval])
     names = list(columns)
     n = len(names)
     extent = n * CELL_MM + (n - 1) * GAP_MM
-    windows = {name: _window(column) for name, column in columns.items()}
+    windows = {name: _window(column, intervals.get(name, ())) for name, column in columns.items()}
     panels = []
     for row, below in enumerate(names):
         for column, across in enumerate(names[: row + 1]):
@@ -122,9 +123,12 @@ def _axis(name: str, window: Interval, *, is_outer: bool) -> Axis:
     return Axis(*window, label, most=4, labelled=is_outer, inside=True)
 
 
-def _window(column: Array) -> Interval:
-    """The range that holds all but a few draws, with some room."""
-    low, high = np.quantile(column, (0.002, 0.998))
+def _window(column: Array, interval: Sequence[float]) -> Interval:
+    """The range that holds all but a few draws and the finite ends of an interval, with some room."""
+    ends = [end for end in interval if math.isfinite(end)]
+    low, high = (
+        f([end, *ends]) for f, end in zip((min, max), np.quantile(column, (0.002, 0.998)), strict=True)
+    )
     room = 0.04 * (high - low) or 1e-6 * max(1.0, abs(float(low)))
     return float(low - room), float(high + room)
 

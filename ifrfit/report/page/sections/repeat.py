@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ifrfit.data.schema import SCHEMA
 from ifrfit.inference.io.json_text import dumps
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
@@ -139,7 +141,12 @@ def from_points(result: FitResult, file: str) -> str:
         return ""
     words = ["ifrfit", "fit", file, "--closure", result.closure, "--method", result.method]
     words += ["--noise", result.noise.policy]
-    words += _exactness(result)
+    figures = result.facts["converged"].figures if "converged" in result.facts else {}
+    if {"scheme", "replicates"} <= figures.keys():
+        words += ["--resample", figures["scheme"], "--replicates", str(figures["replicates"])]
+    words += [*_exactness(result), *_errors(result.noise.error_model)]
+    if result.noise.separate:
+        words += ["--separate", "noise"]
     if result.inertia_factor != 0.4:
         words += ["--inertia-factor", repr(result.inertia_factor)]
     low, high = CLOSURES[result.closure].domain(result.inertia_factor)
@@ -157,6 +164,18 @@ def from_points(result: FitResult, file: str) -> str:
     if result.seed:
         words += ["--seed", str(result.seed)]
     return shlex.join(words)
+
+
+def _errors(model: ErrorModel) -> list[str]:
+    """Options of the error model that are not as by default; its fields go by the names of options."""
+    words: list[str] = []
+    for one in fields(ErrorModel):
+        value = getattr(model, one.name)
+        if value != getattr(ErrorModel(), one.name):
+            option = str(one.metadata.get("key", one.name)).replace("_", "-")
+            ends = value if isinstance(value, tuple) else (value,)
+            words += [f"--{option}", ",".join(str(end) for end in ends)]
+    return words
 
 
 def _exactness(result: FitResult) -> list[str]:

@@ -37,7 +37,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     largest = int(np.nanargmax(np.abs(z))) if np.isfinite(z).any() else 0
     place = points.iloc[largest]
     worst = f"The largest is {z[largest]:+.2f}, in {place['source']} line {place['row']}."
-    beyond = f"{int((np.abs(z) > 2.0).sum())} of {z.size} lie beyond ±2 σ."
+    count = int((np.abs(z) > 2.0).sum())
+    beyond = f"{count} of {z.size} {'lies' if count == 1 else 'lie'} beyond ±2 σ."
     pictures = []
     gamma = points["gamma_deg"].to_numpy(dtype=float)
     if np.isfinite(gamma).any():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from ifrfit.report.page.charts.chart import (
+    LABEL_LETTERS,
     Axis,
     Band,
     Bars,
@@ -163,3 +164,21 @@ def test_charts_need_no_matplotlib():
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "[]\n"
+
+
+def test_a_label_stands_before_the_note_of_its_ticks():
+    note = "10^-6 +0.14000"
+    axis = Axis(0.0, 10.0, "label", ticks=Ticks((0.0, 5.0), ("0", "5"), note))
+    chart = Chart(90.0, 60.0, (Panel(20.0, 5.0, 25.0, 40.0, axis, Y, ()),))
+    texts = ET.fromstring(svg(chart, "own")).iter("text")
+    places = {text.text: float(text.get("x")) for text in texts if text.get("x")}
+    start = places[note] - width(note, 0.9 * TICK_LETTERS)
+    assert places["label"] + 0.5 * width("label", LABEL_LETTERS) < start
+
+
+def test_a_label_beside_long_labels_of_ticks_is_not_cut():
+    axis = Axis(0.0, 10.0, "label", ticks=Ticks((0.0, 5.0), ("-0.400200", "-0.400100")))
+    chart = Chart(90.0, 60.0, (Panel(15.0, 5.0, 60.0, 40.0, X, axis, ()),))
+    (found,) = [text for text in ET.fromstring(svg(chart, "own")).iter("text") if text.text == "label"]
+    across = float(found.get("x") or re.search(r"translate\(([-\d.]+)", found.get("transform"))[1])
+    assert across >= 0.5 * LABEL_LETTERS
