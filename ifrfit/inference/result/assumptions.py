@@ -207,7 +207,7 @@ def _by_spin(problem: Problem, theta: Array, more: tuple[float, float]) -> Array
 def _largest_move(
     moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]
 ) -> tuple[str, float]:
-    """The constant that moves most in its sd, by how much; empty and 0 where none has a value, or none moves."""
+    """The constant that moves most in its sd, by how much; empty and 0 where there is none."""
     alone = len(kappas) == 1
     of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
     # kappa speaks where the data leave mu open
