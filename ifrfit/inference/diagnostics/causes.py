@@ -18,7 +18,6 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
 )
 from ifrfit.inference.diagnostics.slips.evidence import tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
-from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
@@ -153,7 +152,7 @@ def _drop_of_series(
     problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip | None = None
 ) -> float:
     """Fall of -2 log likelihood with constants of each series, at the noises that a slip was judged by."""
-    of_all = ComparedFit(problem, fit, Misfit.of(problem))
+    of_all = ComparedFit.of(problem, fit)
     judged = ComparedFit.by_series(problem, fit) if slip is not None and slip.series else of_all
     wider = ComparedFit(shared.problem, shared.fit, judged.misfit)
     return judged.likelihood - wider.likelihood
