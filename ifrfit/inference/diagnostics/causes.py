@@ -116,7 +116,7 @@ def slips_first(
     decisive = any(is_decisive(slip) for slip in slips)
     fitted = _fitted_effects(problem, fit, scores, decisive=decisive)
     found = {name: one.drop for name, one in fitted.items() if one.p < REFUTED}
-    if rest and (again := effects_fact(problem, {**scores, **fitted})) is not None:
+    if not differ and (again := effects_fact(problem, {**scores, **fitted})) is not None:
         rest = {"effects": again}
     named = named_slips(slips, max(found.values(), default=0.0))
     left = {slip: misfit_left(problem, fit, slip) for slip in named}

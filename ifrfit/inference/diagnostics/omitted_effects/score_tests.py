@@ -223,7 +223,8 @@ def effect_scores(
 
 def effects_fact(problem: Problem, found: Mapping[str, Score]) -> Fact | None:
     """Which effect the residuals call for; None where none could show in these rows."""
-    if not found:
+    found = {name: one for name, one in found.items() if one.sd > 0.0}  # not what no line shows
+    if all(name in RIVALS for name in found):
         return None
     named = best_of([one for one in found.values() if one.p < REFUTED])
     figures: dict[str, object] = {
