@@ -119,6 +119,18 @@ def test_the_curve_lies_in_its_own_band_where_a_constant_lies_on_its_bound(cli, 
     assert (found["value"] <= found["hi95"]).all()
 
 
+@pytest.mark.parametrize("sigma", [0.01, None])
+def test_an_unknown_series_is_refused_where_constants_are_shared(cli, tmp_path, sigma):
+    gamma = range(5, 85, 5)
+    parts = ({"gamma": gamma, "series": name, "sigma": sigma, "noise": 0.01} for name in ("dry", "wet"))
+    saved = fitted(tmp_path, "lsq", *parts)
+    refused = cli("predict", saved, "--gamma", "60", "--series", "foo")
+    assert refused.returncode == 2
+    assert refused.stderr == "ifrfit: There is no series 'foo'. Choose one of dry, wet.\n"
+    assert not refused.stdout
+    assert cli("predict", saved, "--gamma", "60", "--series", "wet").returncode == 0
+
+
 def test_separate_constants_ask_for_a_series(cli, tmp_path):
     parts = (
         {"gamma": range(5, 85, 5), "series": "dry", "sigma": 0.01, "mu": 0.1},

@@ -12,13 +12,12 @@ from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, effe
 from ifrfit.inference.diagnostics.slips.compared_fit import (
     ComparedFit,
     Slip,
-    drop_of_effect,
+    fitted_effect,
     is_decisive,
     offsets_by_series,
 )
-from ifrfit.inference.diagnostics.slips.evidence import tried
+from ifrfit.inference.diagnostics.slips.evidence import explains_little, misfit_left, tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
-from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
@@ -114,10 +113,14 @@ def slips_first(
         none = Fact(True, says, {"called": [], "tests": {}, "tested": False}, rule)
         return pooling | ({} if differ else {"slips": none}) | rest
     slips = tried(problem, fit, differ=differ)
-    found: dict[str, float] = {}
-    if any(is_decisive(slip) for slip in slips):
-        found = {name: drop_of_effect(problem, fit, one) for name, one in scores.items() if one.p < REFUTED}
+    decisive = any(is_decisive(slip) for slip in slips)
+    fitted = _fitted_effects(problem, fit, scores, decisive=decisive)
+    found = {name: one.drop for name, one in fitted.items() if one.p < REFUTED}
+    if not differ and (again := effects_fact(problem, {**scores, **fitted})) is not None:
+        rest = {"effects": again}
     named = named_slips(slips, max(found.values(), default=0.0))
+    left = {slip: misfit_left(problem, fit, slip) for slip in named}
+    named.sort(key=lambda slip: left[slip] < REFUTED)  # one that explains all stands before look-alikes
     figures: dict[str, object] = {
         "called": [_key(slip) for slip in named],
         "tests": {_key(slip): _figures(slip) for slip in slips},
@@ -137,8 +140,27 @@ def slips_first(
             return {"pooling": shared.beside(words)}
         apart = shared.constants if more < DECISIVE else ""
         pooling = {"pooling": shared.after_slip()} if more >= DECISIVE else pooling
-    says = slip_words(problem, named, alike, apart)
-    return pooling | {"slips": Fact(False, says, figures | {"effects": alike}, rule)}
+    says = slip_words(problem, named, alike, apart, left[named[0]])
+    figures |= {"effects": alike, "p_left": left[named[0]]}
+    return pooling | {"slips": Fact(False, says, figures, rule)}
+
+
+def _fitted_effects(
+    problem: Problem, fit: LeastSquaresFit, scores: Mapping[str, Score], *, decisive: bool
+) -> dict[str, Score]:
+    """Effects with their falls of -2 log likelihood as slips have them, where these are to be compared.
+
+    That is beside a slip that is `decisive`, or where an effect shows that is none to first order.
+    """
+    suspicious = [name for name, one in scores.items() if one.p < REFUTED]
+    found: dict[str, Score] = {}
+    if decisive or suspicious or explains_little(ComparedFit.of(problem, fit)):
+        likely = (name for name, one in scores.items() if one.direction.likely and name not in suspicious)
+        found = {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in likely}
+        found = {name: one for name, one in found.items() if one.p < REFUTED}
+    if decisive or found:
+        found |= {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in suspicious}
+    return found
 
 
 def _beside_offsets(problem: Problem, fit: LeastSquaresFit, shared: Pooling) -> Pooling:
@@ -153,7 +175,7 @@ def _drop_of_series(
     problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip | None = None
 ) -> float:
     """Fall of -2 log likelihood with constants of each series, at the noises that a slip was judged by."""
-    of_all = ComparedFit(problem, fit, Misfit.of(problem))
+    of_all = ComparedFit.of(problem, fit)
     judged = ComparedFit.by_series(problem, fit) if slip is not None and slip.series else of_all
     wider = ComparedFit(shared.problem, shared.fit, judged.misfit)
     return judged.likelihood - wider.likelihood

@@ -38,7 +38,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
-_OF_RESTITUTION = {*LAWS, "restitution-by-angle"}
+_TREND = "restitution-by-angle"
+_OF_RESTITUTION = {*LAWS, _TREND}
 _OF_MOMENTUM = "inertia-factor"
 _BY_ANGLE = ["friction-by-load"]  # a cause that goes with the angle, as repeats at one setting do
 # findings that leave no residuals for which only impacts of two kinds or a cut would be a reason
@@ -188,8 +189,9 @@ def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, b
     normal = normal_restitution(problem, found, advise=not so_far.has_slipped)
     so_far.tell("normal_restitution", normal)
     of_angle = normal is not None and "p_laws_of_speed" in normal.figures
-    if of_angle and so_far.causes and set(so_far.causes) <= _OF_RESTITUTION:
-        # so do readings of e_n: a rise with the angle feigns a law of the speed
+    # so do readings of e_n: a rise with the angle feigns a law of the speed
+    feigned = of_angle and so_far.causes and set(so_far.causes) <= _OF_RESTITUTION
+    if feigned or (so_far.fails("normal_restitution") and so_far.causes == [_TREND]):
         so_far.withdraw("effects")
     if so_far.fails("pooling"):
         so_far.causes = ["series"]

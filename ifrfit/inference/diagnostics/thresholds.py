@@ -127,7 +127,9 @@ FACTS = {
     "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "
     f"{ALIKE:g} less, and angles have room for their offset; drifts are looked for unless the table was "
-    "sorted by angle, speed or the values of an observable; what explains as much is named beside it",
+    "sorted by angle, speed or the values of an observable; what explains as much is named beside it. "
+    "Where it leaves a smooth departure, a further slip with a size or a prior that is missed "
+    f"(p < {REFUTED:g}, three times) it is said to explain a part",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson); or, where no misfit is found, changes of the residuals "
     "of two observables of one velocity from one angle to the next correlate by more than 0.95 "

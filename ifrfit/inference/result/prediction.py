@@ -142,12 +142,13 @@ def _curves(result: Findings, observable: Observable, incidence: Incidence, phi:
 def _series_of(result: Findings, series: str | None) -> str:
     """Series whose constants to take, empty where all share them; refuses no choice or an unknown one."""
     labels = [own for own in dict.fromkeys(split_name(name)[1] for name in result.state.names) if own]
+    fitted = list(dict.fromkeys(name.rpartition("/")[0] for name in result.noise.sigma))
     if series is None:
         if labels:
             raise UsageError(f"Constants are separate by series: name one of {', '.join(labels)}.")
         return ""
-    if labels and series not in labels:
-        raise UsageError(f"There is no series '{series}'. Choose one of {', '.join(labels)}.")
+    if series not in fitted:
+        raise UsageError(f"There is no series '{series}'. Choose one of {', '.join(fitted)}.")
     return series if labels else ""
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -42,6 +43,7 @@ _MOST_FRICTION = 10.0  # of mu that depends on the load, over its mean
 _KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
+_COUPLES = (0.01, 0.02, 0.04, 0.06, 0.1, 0.2)  # mu_r from which one is looked for that stops spins
 _GRAZING = 1e-3  # cosine of the angle below which a tangent is cut off
 _LOWEST = 0.02  # e_n below which nothing is left to fall
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
@@ -144,6 +146,8 @@ class Direction:
     values : callable, optional
         From theta, (m, p), and strengths, (m,), to the value of each row, (m, n), where these are cheap to
         know beyond first order.
+    likely : tuple of float
+        Strengths at which these are no line: the score test may see nothing of them.
     figures : mapping
         What the words need: chi, e_n over a tenfold of speed.
     """
@@ -154,6 +158,7 @@ class Direction:
     whole: bool = False
     by_kappa: bool = False
     values: Callable[[Array, Array], Array] | None = None
+    likely: tuple[float, ...] = ()
     figures: dict[str, float] = field(default_factory=dict)
 
 
@@ -250,17 +255,19 @@ def _of_speed(
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
     coming, slipping = normal > 0.0, (sliding > 0.0) & problem.rows.is_oblique
+    by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
+    if problem.rows.of_kind("normal").any():
+        # a face that stands oblique sends a part of the tangential velocity away from the wall
+        for shape in (i.sine / np.maximum(i.cosine, _GRAZING), np.arctan2(i.sine, i.cosine)):
+            rise = (shape - shape.min()) / max(float(np.ptp(shape)), _GRAZING)
+            bent = partial(_by_angle, problem, rise)
+            yield Direction("restitution-by-angle", by_e_n * rise, two_sided=True, values=bent)
     if coming.any():
-        by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
         for name in LAWS:
             weight = (by_e_n / sigma) ** 2
             direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, e_n_known)
             if direction is not None:
                 yield direction
-        if problem.rows.of_kind("normal").any():
-            # a face that stands oblique sends a part of the tangential velocity away from the wall
-            tangent = i.sine / np.maximum(i.cosine, _GRAZING)
-            yield Direction("restitution-by-angle", by_e_n * tangent, two_sided=True)
         # e_n^2 falls by (V_s/V)^2: per V_s^2
         less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
         yield Direction("adhesion", by_e_n * less)
@@ -278,6 +285,14 @@ def _of_speed(
     if slipping.any():
         log = np.log(np.where(slipping, sliding, 1.0))
         yield Direction("friction-by-speed", by_mu * mu * log, two_sided=True)
+
+
+def _by_angle(problem: Problem, rise: Array, theta: Array, strength: Array) -> Array:
+    """Value of each row with e_n larger by strengths times a rise, (m, n)."""
+    e_n, c, mu = problem.per_row(theta)
+    e_n = np.maximum(e_n + strength[:, None] * rise, 0.0)
+    k, _ = problem.impulse(e_n, c, mu)
+    return problem.values_with(k, e_n, mu)
 
 
 def _by_load(problem: Problem, theta: Array, factor: Array) -> Array:
@@ -326,10 +341,20 @@ def _restitution_law(
 def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Derivative by the coefficient of rolling friction."""
     nowhere = np.full(problem.rows.value.size, np.nan)
-    impacts = impacts_of(problem, theta, nowhere, nowhere)
-    contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=_SMALL_COUPLE)
-    slowed, free = (computed(problem, contact, impacts, on) for on in (("rolling",), ()))
-    yield Direction("rolling", np.nan_to_num((slowed - free) / _SMALL_COUPLE))
+
+    def values(theta: Array, size: Array) -> Array:
+        contacts = (
+            Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=one)
+            for one in size.tolist()
+        )
+        impacts = (impacts_of(problem, one, nowhere, nowhere) for one in theta)
+        return np.stack(
+            [computed(problem, *each, ("rolling",)) for each in zip(contacts, impacts, strict=True)]
+        )
+
+    free, slowed = values(np.stack((theta, theta)), np.array([0.0, _SMALL_COUPLE]))
+    change = np.nan_to_num((slowed - free) / _SMALL_COUPLE)
+    yield Direction("rolling", change, values=values, likely=_COUPLES)
 
 
 def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:

@@ -44,7 +44,7 @@ _SHORT = {
 }
 # what changes, and in which unit
 _CHANGES = {
-    "restitution-by-angle": ("e_n", "times the tangent of the angle"),
+    "restitution-by-angle": ("e_n", "from the smallest angle to the largest"),
     "friction-by-load": ("mu", "of itself as the normal speed doubles from its mean"),
     "friction-by-speed": ("mu", "of itself for ten times the speed"),
 }
@@ -99,7 +99,7 @@ class Score:
 
 
 def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *, known: bool) -> list[Score]:
-    """Test every direction that the constants cannot imitate.
+    """Test every direction that the constants cannot imitate, or imitate to first order alone (p = 1).
 
     Parameters
     ----------
@@ -135,9 +135,10 @@ def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *,
         size = float(np.linalg.norm(direction.change))
         d = direction.change - own @ (own.T @ direction.change)
         d -= own @ (own.T @ d)
-        if size == 0.0 or not np.linalg.norm(d) > _SPANNED * size:
-            continue
-        found.append(_score(direction, d, left, dof, known))
+        if np.linalg.norm(d) > _SPANNED * size:
+            found.append(_score(direction, d, left, dof, known))
+        elif direction.likely and size > 0.0:  # seen beyond first order alone
+            found.append(Score(direction, 0.0, 0.0, 0.0, 0.0, 1.0, np.zeros(d.size), None, dof - 1))
     return found
 
 
@@ -222,7 +223,8 @@ def effect_scores(
 
 def effects_fact(problem: Problem, found: Mapping[str, Score]) -> Fact | None:
     """Which effect the residuals call for; None where none could show in these rows."""
-    if not found:
+    found = {name: one for name, one in found.items() if one.sd > 0.0}  # not what no line shows
+    if all(name in RIVALS for name in found):
         return None
     named = best_of([one for one in found.values() if one.p < REFUTED])
     figures: dict[str, object] = {

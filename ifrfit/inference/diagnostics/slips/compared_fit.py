@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, Values, best_start, refitted, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array
+from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 LARGEST = 4.5  # prior standard deviations of a size
@@ -55,6 +56,10 @@ class Slip:
         Its mean.
     e_n : float
         Of the first series, with a slip that was fitted; nan else.
+    values : callable, optional
+        Of a slip that was fitted: from constants and size, (m, q), to the value of each row, (m, n).
+    best : ndarray, (q,)
+        Where they lie nearest.
     """
 
     name: str
@@ -71,6 +76,8 @@ class Slip:
     constant: str = ""
     middle: float = 0.0
     e_n: float = math.nan
+    values: Values | None = field(default=None, repr=False, compare=False)
+    best: Array = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
 
     @property
     def rank(self) -> float:
@@ -146,54 +153,77 @@ class ComparedFit:
         """Minus twice the log likelihood of `before`."""
         return float(self.misfit.likelihood(self.before))
 
-    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float, Array]:
-        """Fall of -2 log likelihood with a size beside the constants, the size, and the constants.
+    def with_size(
+        self, model: Sized, size: float, limits: tuple[float, float], likely: tuple[float, ...] = ()
+    ) -> tuple[float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
-        What it moves away from priors of the user counts against it.
+        Priors of the user take part in the search, and what it moves away from them counts against it. At
+        sizes that are `likely` the constants are looked for all over the domain.
         """
         problem, theta = self.problem, self.fit.optimum.theta
         known = problem.parameters.prior_residuals
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-        drop, found, constants = -math.inf, 0.0, theta
-        # a start of first order may lead astray
-        for start in (float(np.clip(size, *limits)), 0.0):
-            if drop >= 0.0:
-                break
-            x, after = search(
-                lambda x: model(x[:, :-1], x[:, -1]),
-                self.misfit,
-                problem.rows.value,
-                np.append(theta, start),
-                bounds,
-            )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after)), float(x[-1])
-            constants = x[:-1]
-            drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
-        return drop, found, constants
+        before = known(theta)
+        value = np.append(problem.rows.value, np.zeros(before.size))
+        misfit = Misfit(np.append(self.misfit.base, np.ones(before.size)), self.misfit.groups)
 
-    def of_alternative(self, each: Alternative) -> Array:
-        """Its residuals, in the unit of the given values."""
+        def values(x: Array) -> Array:
+            return np.concatenate((model(x[:, :-1], x[:, -1]), known(x[:, :-1])), axis=1)
+
+        def searched(start: Array) -> tuple[float, Array]:
+            x, after = search(values, misfit, value, start, bounds)
+            far, moved = after[: value.size - before.size], after[value.size - before.size :]
+            drop = self.likelihood - float(self.misfit.likelihood(far))
+            return drop - max(float(moved @ moved - before @ before), 0.0), x
+
+        best = searched(np.append(theta, float(np.clip(size, *limits))))
+        if best[0] < 0.0:  # a start of first order may lead astray
+            best = max(best, searched(np.append(theta, 0.0)), key=lambda each: each[0])
+        for one in likely:
+
+            def at_size(x: Array, rows: Index, one: float = one) -> Array:
+                return model(x, np.full(len(x), one))[:, rows]
+
+            place = best_start(at_size, self.misfit, problem.rows.value, self._places)
+            best = max(best, searched(np.append(place, one)), key=lambda each: each[0])
+        return best
+
+    def of_alternative(self, each: Alternative) -> tuple[Array, Array]:
+        """Its constants, and its residuals in the unit of the given values."""
         problem = self.problem
         start = best_start(each.values_of_rows, self.misfit, problem.rows.value, self._places)
         target = self.likelihood - DECISIVE + _ROOM
         bounds = problem.parameters.bounds()
-        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)[1]
+        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)
 
     @cached_property
     def _places(self) -> Array:
         return starts(self.problem, self.fit.optimum.theta)
 
 
-def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
-    """Fall of -2 log likelihood with an effect along its direction, fitted as a slip is."""
-    change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
+def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: int) -> Score:
+    """A score with the fall of -2 log likelihood of its effect, fitted as a slip is.
+
+    Where the test of first order saw nothing of an effect that is no line, the fit makes it, times `count`.
+    """
+    direction, whole = score.direction, ComparedFit.of(problem, fit)
+    change, least = direction.change * fit.sigma, -math.inf if direction.two_sided else 0.0
 
     def along(theta: Array, size: Array) -> Array:
         return problem.predict(theta) + size[:, None] * change
 
-    values = score.direction.values or along
-    return ComparedFit.of(problem, fit).with_size(values, score.strength, (least, math.inf))[0]
+    values = direction.values or along
+    drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
+    if score.p < REFUTED or drop <= 0.0:
+        return replace(score, drop=drop)
+    after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
+    careful = max(careful_drop(whole.misfit, whole.before, after, whole.dof), 0.0)
+    p, size = min(1.0, count * float(special.chdtrc(1, careful))), float(x[-1])
+    moved = ((whole.before - after) / fit.sigma) ** 2
+    sd, weight = abs(size) / math.sqrt(drop), moved / moved.sum()
+    return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=weight, chi2=None)
 
 
 def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:

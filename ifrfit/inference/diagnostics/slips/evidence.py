@@ -11,6 +11,7 @@ from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
+from ifrfit.inference.diagnostics.quadratic_forms import smooth_departure
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
 from ifrfit.inference.diagnostics.slips.compared_fit import (
     MOST_SERIES,
@@ -33,6 +34,7 @@ _FEWEST_OF_SERIES = 6  # rows of a series in which a slip of its own is looked f
 _OF_SPINS = ("spin-scale", "inertia-factor")
 _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
+_STEP = 1e-6  # of derivatives by constants and size
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 
 
@@ -48,7 +50,7 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += missing_values(problem, fit)
-        if _explains_little(whole):
+        if explains_little(whole):
             found += _mixed(whole)
     if plain and 1 < len(problem.series) <= MOST_SERIES:
         found += _in_series(ComparedFit.by_series(problem, fit), sized, differ=differ)
@@ -112,7 +114,8 @@ def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Sli
     )
     if p >= REFUTED:
         return slip
-    drop, size, theta = whole.with_size(nuisance.values, slip.size, nuisance.limits)
+    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits)
+    theta, size = x[:-1], float(x[-1])
     low, high = nuisance.limits
     at = whole.problem.parameters.positions
     return replace(
@@ -125,6 +128,8 @@ def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Sli
         constant=nuisance.constant,
         middle=float(theta[at[nuisance.constant]].mean()) if nuisance.constant else 0.0,
         e_n=float(theta[at["e_n"][0]]),
+        values=lambda x: nuisance.values(x[:, :-1], x[:, -1]),
+        best=x,
     )
 
 
@@ -134,12 +139,43 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
     dof = share * whole.dof
     found = []
     for each in every:
-        after = whole.of_alternative(each)
+        theta, after = whole.of_alternative(each)
         drop = whole.likelihood - float(misfit.likelihood(after))
         careful = max(careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
         ratio = min(1.0, count * math.exp(-0.5 * careful))
-        found.append(Slip(each.name, drop, ratio, observable=each.observable, series=each.series))
+        slip = Slip(each.name, drop, ratio, observable=each.observable, series=each.series)
+        found.append(replace(slip, values=each.values, best=theta))
     return found
+
+
+def misfit_left(problem: Problem, fit: LeastSquaresFit, slip: Slip) -> float:
+    """p value of what a slip that was fitted leaves: a smooth departure, a further slip, a prior missed.
+
+    The departure is one of each observable, in tau or, of those that know no contact, in the angle; the
+    scatter is its yardstick. Nothing is asked, which is 1, of single rows, of a drift, whose shape is a
+    guess, and of another body in one series, which has constants of its own.
+    """
+    if slip.values is None or slip.constant or (slip.series and slip.name == "inertia-factor"):
+        return 1.0
+    whole = (ComparedFit.by_series if slip.series else ComparedFit.of)(problem, fit)
+    # no wider than it has to be, and towards the inside of the domain
+    step = np.where(slip.best > 0.0, -_STEP, _STEP)
+    near = slip.values(np.vstack((slip.best, slip.best + np.diag(step))))
+    after = problem.rows.value - near[0]
+    sigma = whole.misfit.sigma(after)
+    jacobian = np.nan_to_num((near[1:] - near[0]) / step[:, None] / sigma).T
+    place = np.where(problem.rows.is_oblique, problem.rows.tau, problem.rows.gamma_deg)
+    smooth = smooth_departure(list(problem.groups().values()), place, jacobian, after / sigma)
+    theta = slip.best[: fit.optimum.theta.size]
+    others = [
+        Direction(each.name, each.slope(theta) / sigma, two_sided=True)
+        for each in nuisances(problem)
+        if slip.sd and not each.constant
+    ]
+    tested = scores(others, jacobian, after / sigma, known=False)
+    pull = problem.parameters.prior_residuals(theta)
+    p = [1.0 if smooth is None else smooth.p, float(special.chdtrc(max(pull.size, 1), pull @ pull))]
+    return min(1.0, 3.0 * min([*p, *holm([one.p for one in tested])]))
 
 
 def _mixed(whole: ComparedFit) -> list[Slip]:
@@ -189,7 +225,7 @@ def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, diffe
             p = max(p, len(tested) * 2.0 * float(special.stdtr(own, -abs(score.strength / score.sd))))
         if p < REFUTED:
             found.append(_slip(whole, nuisance, score, p))
-    differ = differ or _explains_little(whole)
+    differ = differ or explains_little(whole)
     for number in series:
         if differ or _scatters_more(whole, number):
             share = min(dof[number] / count[number] * len(problem.rows) / max(whole.dof, 1), 1.0)
@@ -208,7 +244,7 @@ def _sigma_by_series(whole: ComparedFit) -> Array:
     return sigma
 
 
-def _explains_little(whole: ComparedFit) -> bool:
+def explains_little(whole: ComparedFit) -> bool:
     """Whether residuals of an observable that knows the closure scatter nearly as its values do."""
     rows, residual = whole.problem.rows, whole.residual
     for observable in rows.observables:

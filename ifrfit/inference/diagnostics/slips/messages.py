@@ -180,10 +180,12 @@ def none_words(tested: Sequence[Slip]) -> str:
     return f"no slip shows in the table ({looked} looked at{f'; p = {p_text(least)}' if sized else ''})"
 
 
-def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], series: str = "") -> str:
+def slip_words(
+    problem: Problem, named: Sequence[Slip], effects: Sequence[str], series: str = "", left: float = 1.0
+) -> str:
     """The slip that explains the data, what else may be the cause, and what to do.
 
-    `series` holds the constants that series may not share instead.
+    `series` holds the constants that series may not share instead; `left` is the p value of what it leaves.
     """
     first, *others = (slip for slip in named if not _is_repeated(slip, named[0]))
     what, remedy = _words(problem, first)
@@ -196,10 +198,16 @@ def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], 
     if set(effects) & {"sticking-law", "sliding-law"}:
         remedy = f"ifrfit compare tells closures from one another first; then {remedy}"
     of = f"series {first.series}" if first.series else "the table"
-    says = f"{of} looks as if it had {what}{alike} ({p}-2 log likelihood falls by {first.drop:.3g})"
+    fall = f"({p}-2 log likelihood falls by {first.drop:.3g})"
     if first.series:
         remedy = f"mend the rows of that series, or fit it alone with --series {first.series} ({remedy})"
-    return f"{says}: {remedy}"
+    if left < REFUTED:
+        return (
+            f"no slip alone explains the misfit: in part {of} looks as if it had {what}{alike} {fall}, but "
+            f"what is left then is no scatter (p = {p_text(left)}). Look for a further flaw or an effect, "
+            f"and do not trust this one alone: {remedy}"
+        )
+    return f"{of} looks as if it had {what}{alike} {fall}: {remedy}"
 
 
 def offset_words(problem: Problem, sizes: Array) -> str:
