@@ -306,4 +306,5 @@ def test_sizes_of_spins_and_columns_that_were_sorted_by_themselves(tmp_path):
     columns = {"gamma_deg": gamma, "beta": state.beta + 0.02 * rng.standard_normal(40), "e_n": columns["e_n"]}
     columns = {name: np.sort(column) for name, column in columns.items()}
     says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
-    assert says.startswith("the table looks as if it had beta sorted by itself, not along with the angles")
+    # e_n is sorted by itself as well, which one slip of beta leaves
+    assert "in part the table looks as if it had beta sorted by itself, not along with the angles" in says
