@@ -37,7 +37,7 @@ _ORDER = 24  # of the rules in the logarithm of sigma
 _WIDTH = 3.0  # of their panels, in sd of the law given the sum of squares: exact to rounding
 _FALL = 40.0  # of the log density beyond which that law is not followed
 _FEWEST, _MOST = 16, 96  # nodes for functions of a sum of squares
-_AT_ONCE = 2048  # sums of squares, whose polynomials stay in the cache
+_AT_ONCE = 16_384  # sums of squares, which stay in the cache with two polynomials
 
 
 @dataclass(frozen=True)
@@ -344,14 +344,15 @@ def _compressed(square: Array, weight: Array, n: int, negligible: float) -> tupl
     y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
     # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
     sums = np.zeros((2, count))
-    polynomials = np.ones((count, _AT_ONCE))
     for begin in range(0, y.size, _AT_ONCE):
-        own = polynomials[:, : y[begin : begin + _AT_ONCE].size]
-        own[1] = y[begin : begin + _AT_ONCE]
-        for j in range(2, count):
-            np.multiply(own[1], own[j - 1], out=own[j])
-            own[j] += own[j] - own[j - 2]
-        sums += weight[:, begin : begin + _AT_ONCE] @ own.T
+        own, share = y[begin : begin + _AT_ONCE], weight[:, begin : begin + _AT_ONCE]
+        before, now, after, twice = np.ones_like(own), own, np.empty_like(own), 2.0 * own
+        sums[:, 0] += share.sum(axis=1)
+        for j in range(1, count):
+            sums[:, j] += share @ now
+            np.multiply(twice, now, out=after)
+            after -= before
+            before, now, after = now, after, before
     angle = np.pi * (np.arange(count) + 0.5) / count
     sums[:, 1:] *= 2.0
     at = np.cos(np.arange(count)[:, None] * angle) / count

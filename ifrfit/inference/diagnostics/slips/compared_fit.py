@@ -181,13 +181,14 @@ class ComparedFit:
         best = searched(np.append(theta, float(np.clip(size, *limits))))
         if best[0] < 0.0:  # a start of first order may lead astray
             best = max(best, searched(np.append(theta, 0.0)), key=lambda each: each[0])
-        for one in likely:
+        if likely:
+            tried = [np.column_stack((self._places, np.full(len(self._places), one))) for one in likely]
 
-            def at_size(x: Array, rows: Index, one: float = one) -> Array:
-                return model(x, np.full(len(x), one))[:, rows]
+            def of_rows(x: Array, rows: Index) -> Array:
+                return model(x[:, :-1], x[:, -1])[:, rows]
 
-            place = best_start(at_size, self.misfit, problem.rows.value, self._places)
-            best = max(best, searched(np.append(place, one)), key=lambda each: each[0])
+            place = best_start(of_rows, self.misfit, problem.rows.value, np.concatenate(tried))
+            best = max(best, searched(place), key=lambda each: each[0])
         return best
 
     def of_alternative(self, each: Alternative) -> tuple[Array, Array]:
