@@ -41,6 +41,7 @@ _ROOM = 1e-12  # from a bound, relative to the range, within which a constant li
 _FAR = 1e9  # where a constant without an upper bound ends
 _ON_KINK = 1e-3  # distance from a kink, in standard deviations
 _POLISHES = 20
+_MERGED_EVERY, _MERGED = 8, 1e-4  # steps after which searches are merged that are so near, of the range
 _NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
 _ENTRIES = 2_000_000  # of a Jacobian, by which batches are divided
 
@@ -229,7 +230,10 @@ class BatchedSearch:
         active = np.flatnonzero(np.isfinite(value))
         if not self.free.any():
             return Found(theta, value, np.isfinite(value))
-        for _ in range(steps):
+        leader = np.arange(len(theta))
+        for number in range(steps):
+            if number % _MERGED_EVERY == _MERGED_EVERY - 1:
+                active = self._leading(active, theta, value, dof, x, leader)
             if not active.size:
                 break
             model = _Model.of(self, theta[active], z[active], dof[active], x[active])
@@ -249,7 +253,24 @@ class BatchedSearch:
             # where a kink meets a bound the model of one side may point beyond the bound; no step leads down
             converged[active[~left & model.is_on_kink & model.is_on_bound]] = True
             active = active[~converged[active] & left]
-        return Found(theta, value, converged)
+        return Found(theta, value, converged).take(leader)
+
+    def _leading(
+        self, active: Index, theta: Array, value: Array, dof: Array, x: Array, leader: Index
+    ) -> Index:
+        """Active searches but those that have come next to a better one, which becomes their leader."""
+        low, high = self.bounds(x[active])
+        width = _MERGED * np.where(self.free, np.minimum(high - low, 1.0), 0.0)
+        asked = np.column_stack((dof, x))[active]
+        kept: list[int] = []
+        for number in np.argsort(value[active], kind="stable").tolist():
+            near = np.abs(theta[active[kept]] - theta[active[number]]) <= width[number]
+            same = near.all(axis=1) & (asked[kept] == asked[number]).all(axis=1)
+            if same.any():
+                leader[leader == active[number]] = active[kept[int(same.argmax())]]
+            else:
+                kept.append(number)
+        return np.sort(active[kept])
 
     def _move(
         self,
