@@ -20,7 +20,7 @@ from ifrfit.inference.estimators import Exact
 from ifrfit.inference.fit import Data, Question, fit_problem, make_question
 from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squares
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 from ifrfit.inference.result.build import build_result
@@ -149,7 +149,7 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
     found = _cross_validated(fits, evidence, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
-    problems = [at_fitted_offset(*fit.problem_and_optimum()) for fit in fits.values()]
+    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
     entries = _entries(fits, evidence, found)

@@ -156,6 +156,13 @@ def test_student_errors_are_compared_by_their_own_evidence(data):
     assert found.entries["ifr"].loo is not None
 
 
+def test_an_unknown_offset_of_the_angles_turns_the_lines_of_the_plane(data):
+    noise = Noise("known", angles=ifrfit.AngleErrors(offset_sd=1.0))
+    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9}, noise=noise, loo=False)
+    assert found.psi_plane.reason == "the angles have another offset under each closure"
+    assert found.psi_plane.sliding is None
+
+
 def test_without_oblique_impacts_no_closure_is_told_from_another_and_the_reason_is_said():
     data = observations("ifr", observables=("e_n", "mu"), e_t=-0.85)
     found = compare(data, loo=False)
