@@ -217,7 +217,7 @@ def headline(result: FitResult) -> str:
         if not fact.ok
         and not is_quiet(name, fact)
         and not (name == "predictive" and _covers_predictive(result))
-        and not (name == "lack_of_fit" and series_differ)
+        and not (name == "lack_of_fit" and (series_differ or "by_outliers" in fact.figures))
     ]
     open_constants = undetermined(result)
     phrases = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
@@ -30,13 +30,14 @@ from ifrfit.inference.diagnostics.recorded_values import (
     truncation,
 )
 from ifrfit.inference.diagnostics.repeats import settings_scatter
-from ifrfit.inference.diagnostics.residuals import Residuals, outliers
+from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
 
 _TREND = "restitution-by-angle"
 _OF_RESTITUTION = {*LAWS, _TREND}
@@ -242,6 +243,9 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
     lies_beyond = so_far.fails("beyond_closure")
     if not lies_beyond:
         so_far.tell("outliers", outliers(problem, found, residuals))
+    lack = so_far.facts.get("lack_of_fit")
+    if lack is not None and not lack.ok and are_all_that_misfits(so_far.facts.get("outliers")):
+        so_far.tell("lack_of_fit", _of_outliers(lack, so_far.facts["outliers"]))
     rounded = rounded_readings(problem, found)
     so_far.tell("rounded_readings", rounded)
     far = so_far.facts.get("outliers")
@@ -268,6 +272,19 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
             so_far.tell("truncation", cut)
         if more > ALIKE and cut is not None:
             so_far.withdraw("scatter_by_angle")
+
+
+def _of_outliers(lack: Fact, far: Fact) -> Fact:
+    """A lack of fit that some rows make alone."""
+    count = len(far.figures["rows"])
+    rows, them = (
+        (f"the {count} outliers alone contradict", "them")
+        if count > 1
+        else ("the outlier alone contradicts", "it")
+    )
+    p, p_rest = p_text(lack.figures["p"]), p_text(far.figures["p_of_rest"])
+    says = f"{rows} the fit (p = {p}, chi2): without {them} p = {p_rest}"
+    return replace(lack, says=says, figures={**lack.figures, "by_outliers": count})
 
 
 def _of_uneven_scatter(

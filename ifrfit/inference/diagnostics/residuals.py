@@ -19,6 +19,7 @@ from ifrfit.inference.result.types import Fact
 _FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
 _REST = 1e-6  # least share of the misfit that is left to the other rows
 _MOST = 8  # outliers that are looked for
+_AS_IT_SHOULD = 0.01  # p of chi2 without the outliers from which they are all that misfits
 _FEW = 0.25  # share of all rows that may be outliers and be left out
 
 
@@ -138,7 +139,16 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
         except DataError:  # too few rows are left to tell their noise
             break
         residuals = residuals_of(kept_problem, fit)
-    return _outliers_fact(problem, found, limit)
+    return _outliers_fact(problem, found, limit, _p_of_rest(kept_problem, fit))
+
+
+def _p_of_rest(problem: Problem, fit: LeastSquaresFit) -> float | None:
+    """p of chi2 of the rows that are left, where sigma is known; None where it tells nothing."""
+    dof = len(problem.rows) - float(fit.gaussian.leverage.sum())
+    if not (problem.noise.is_known and dof >= 1.0 and fit.sigma.size == len(problem.rows)):
+        return None
+    z = problem.residual(fit.optimum.theta) / fit.sigma
+    return float(special.chdtrc(dof, float(z @ z)))
 
 
 def _limit(dof: float, n: int) -> float:
@@ -146,7 +156,9 @@ def _limit(dof: float, n: int) -> float:
     return float(special.stdtrit(dof, 1.0 - 0.5 * REFUTED / n)) if dof > 1.0 else math.inf
 
 
-def _outliers_fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:
+def _outliers_fact(
+    problem: Problem, found: list[tuple[int, float]], limit: float | None, p_rest: float | None
+) -> Fact:
     of = problem.observations.table["observable"]
     figures = {
         "rows": [row_name(problem, i) for i, _ in found],
@@ -170,7 +182,14 @@ def _outliers_fact(problem: Problem, found: list[tuple[int, float]], limit: floa
     else:
         them, left_out = "them" if many else "it", [f"--exclude {exclude_name(problem, i)}" for i, _ in found]
         remedy = f"check {them}, or leave {them} out with {' '.join(left_out)}"
+        figures["p_of_rest"] = p_rest
     return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
+
+
+def are_all_that_misfits(fact: Fact | None) -> bool:
+    """Whether some outliers are all that the law misses: without them chi2 is as it should be."""
+    p = None if fact is None else fact.figures.get("p_of_rest")
+    return p is not None and p >= _AS_IT_SHOULD
 
 
 def row_name(problem: Problem, i: int) -> str:

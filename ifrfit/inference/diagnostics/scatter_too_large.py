@@ -12,7 +12,7 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.angle_error_size import AngleSlopes
 from ifrfit.inference.diagnostics.lack_of_fit import chi2_by_observable, chi2_of_given, lack_of_fit
-from ifrfit.inference.diagnostics.residuals import Residuals, outliers, residuals_of
+from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
@@ -48,7 +48,7 @@ def scatter_too_large(
     there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
     rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact
     of its own. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they
-    are taken.
+    are taken; else a few outliers without which chi2 is as it should be are told in its place.
 
     Parameters
     ----------
@@ -78,6 +78,8 @@ def scatter_too_large(
     fall, drop = drop_of_level(problem, slopes, fit.sigma)
     is_level = drop > drop_of_even(problem, slopes) + ALIKE
     if _is_explained(found, chi2, dof, fall if is_level else 0.0):
+        return None
+    if not is_level and are_all_that_misfits(found.get("outliers")):
         return None
     scattered = problem.with_noise(
         replace(problem.noise, policy="scaled" if of_all and not is_level else "unknown")

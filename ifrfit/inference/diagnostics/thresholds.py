@@ -106,7 +106,8 @@ FACTS = {
         "errors of one size; and with the noise taken from the scatter there is no lack of fit (p >= 0.05), "
         "no outlier but under a noise that changes with the angle, no slip, effect or series that differs; "
         f"errors of one size are called for where they take {ALIKE:g} more off -2 log likelihood than a "
-        "factor on sigma, without the row that speaks most"
+        "factor on sigma, without the row that speaks most; not where a few outliers are all that chi2 "
+        "refutes (p >= 0.01 without them)"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
     "of all rows or of one observable (times their number); in percent where a hundredth of it leaves "

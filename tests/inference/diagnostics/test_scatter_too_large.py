@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most, impacts_file, table_file
+from factories import at_most, impacts_file, rest_long, table_file
 
 from ifrfit import compare, fit
 from ifrfit.physics import rebound
+from ifrfit.report.sentences import headline
 
 ANGLES = np.linspace(8.0, 80.0, 30)
 TABLES = 15
@@ -132,3 +133,17 @@ def test_a_scatter_that_changes_with_the_angle_is_no_factor_on_sigma(tmp_path):
             assert "with these sizes in the place of the sigma that is given" in says
             assert "--noise" not in facts["scatter_too_large"].says
     assert found > TABLES // 5
+
+
+@pytest.mark.parametrize("seed", rest_long(range(24), 4))
+def test_a_few_rows_far_off_are_no_sigma_that_is_too_small(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    gamma = np.sort(rng.uniform(5.0, 80.0, 33))
+    beta = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta + 0.02 * rng.standard_normal(33)
+    beta[rng.choice(33, 3, replace=False)] += 0.02 * rng.uniform(8.0, 12.0, 3) * rng.choice([-1, 1], 3)
+    path = table_file(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "sigma": np.full(33, 0.02)})
+    found = fit(path, fix={"e_n": 0.9}, method="lsq")
+    assert "scatter_too_large" not in found.facts
+    assert len(found.facts["outliers"].figures["rows"]) == 3
+    assert found.facts["lack_of_fit"].says.startswith("the 3 outliers alone contradict the fit")
+    assert headline(found) == "outliers"
