@@ -41,6 +41,7 @@ _ROOM = 1e-12  # from a bound, relative to the range, within which a constant li
 _FAR = 1e9  # where a constant without an upper bound ends
 _ON_KINK = 1e-3  # distance from a kink, in standard deviations
 _POLISHES = 20
+_CREEPING = 1e-5, 8  # fall of a damped step, and of how many, after which a search is given up
 _MERGED_EVERY, _MERGED = 8, 1e-4  # steps after which searches are merged that are so near, of the range
 _NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
 _ENTRIES = 2_000_000  # of a Jacobian, by which batches are divided
@@ -230,7 +231,8 @@ class BatchedSearch:
         active = np.flatnonzero(np.isfinite(value))
         if not self.free.any():
             return Found(theta, value, np.isfinite(value))
-        leader = np.arange(len(theta))
+        first = theta.copy(), value.copy()
+        leader, creeping = np.arange(len(theta)), np.zeros(len(theta), dtype=np.intp)
         for number in range(steps):
             if number % _MERGED_EVERY == _MERGED_EVERY - 1:
                 active = self._leading(active, theta, value, dof, x, leader)
@@ -249,11 +251,16 @@ class BatchedSearch:
             converged[active[on_kink & (damping[active] > 1.0)]] = True
             change = np.array([0.125, 0.125, 1.0, 8.0, *(1.0,) * 4])[index]
             damping[active] = np.where(stuck, 512.0, change) * np.maximum(damping[active], _DAMPING[0])
-            left = damping[active] < _DAMPING[2]
+            # where residuals are huge, curvature is not that of Gauss and Newton, and damped steps creep
+            creeping[active] = np.where((index > 0) & (fall < _CREEPING[0]), creeping[active] + 1, 0)
+            left = (damping[active] < _DAMPING[2]) & (creeping[active] < _CREEPING[1])
             # where a kink meets a bound the model of one side may point beyond the bound; no step leads down
             converged[active[~left & model.is_on_kink & model.is_on_bound]] = True
             active = active[~converged[active] & left]
-        return Found(theta, value, converged).take(leader)
+        # one that has done no more than creep stays, so that noises about it come to rest
+        stays = (creeping >= _CREEPING[1]) & (first[1] - value < _CREEPING[0] * _CREEPING[1])
+        theta = np.where(stays[:, None], first[0], theta)
+        return Found(theta, np.where(stays, first[1], value), converged).take(leader)
 
     def _leading(
         self, active: Index, theta: Array, value: Array, dof: Array, x: Array, leader: Index

@@ -318,7 +318,7 @@ def _misfit(
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
     wide = scatter_too_large(problem, optimum, about.residuals, found)
     if wide is not None:
-        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
+        causes = {} if brief else causes_of(wide.problem, wide.fit, conditions, about.constants)
         if all(fact.ok for fact in causes.values()):
             others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
             found = in_order({**others, "scatter_too_large": wide.fact})
