@@ -95,7 +95,7 @@ def exact_posterior(
     sampled = sampled_posterior(problem, start, seed)
     if sampled.converged:
         return sampled
-    if found is None:  # rather slow than without an answer
+    if found is None and tolerance < _COARSE:  # rather slow than without an answer
         found = _grid_up_to(_LAST_WORK, problem, tolerance, start)
     return sampled if found is None or (not found.converged and sampled.error <= found.error) else found
 
