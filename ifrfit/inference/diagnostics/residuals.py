@@ -20,6 +20,7 @@ _FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
 _REST = 1e-6  # least share of the misfit that is left to the other rows
 _MOST = 8  # outliers that are looked for
 _AS_IT_SHOULD = 0.01  # p of chi2 without the outliers from which they are all that misfits
+_FEW_OF_ONE = 0.15  # share of the rows of an observable that is no doubt of its sigma
 _FEW = 0.25  # share of all rows that may be outliers and be left out
 
 
@@ -182,7 +183,11 @@ def _outliers_fact(
     else:
         them, left_out = "them" if many else "it", [f"--exclude {exclude_name(problem, i)}" for i, _ in found]
         remedy = f"check {them}, or leave {them} out with {' '.join(left_out)}"
-        figures["p_of_rest"] = p_rest
+        at = problem.rows.which[[i for i, _ in found]]
+        if all(
+            (at == k).sum() <= max(1, _FEW_OF_ONE * (problem.rows.which == k).sum()) for k in np.unique(at)
+        ):
+            figures["p_of_rest"] = p_rest
     return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
 
 
