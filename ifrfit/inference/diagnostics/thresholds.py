@@ -147,7 +147,8 @@ FACTS = {
     "as are there (errors are skewed then); looked for where nothing else is found",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal",
-    "outliers": f"studentised residuals within the Bonferroni limit at {100 * REFUTED:g} %, one by one; by "
+    "outliers": "studentised residuals, or those from the fit without the row, within the Bonferroni limit "
+    f"at {100 * REFUTED:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
