@@ -17,7 +17,7 @@ FOUR = ("f", "fr", "ifr", "ifr-contact")
 
 
 def not_converged(found: Comparison, name: str) -> Comparison:
-    """A comparison in which the posterior of one closure did not converge."""
+    """A comparison in which the fit of one closure did not converge."""
     entry = found.entries[name]
     loose = Fact(False, "the quadrature reached 1e-2 only", {}, "rule")
     fit = replace(entry.fit, facts={**entry.fit.facts, "converged": loose})

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import problem_of
 from scipy import stats
 
 import ifrfit
 from ifrfit import DataError, UsageError
 from ifrfit.data.catalogue import printed_constants
+from ifrfit.inference.diagnostics.optimum_facts import noise_converged
 from ifrfit.inference.estimators import ESTIMATORS, MCMC, Bootstrap
+from ifrfit.inference.optimize.least_squares import least_squares
 
 GAMMA = np.linspace(4.0, 86.0, 34)
 
@@ -71,6 +75,17 @@ def test_two_groups_of_unknown_noise_are_told_apart(impacts):
     assert found.noise.sigma["quiet/beta"] == pytest.approx(0.01, rel=0.35)
     assert found.noise.sigma["loud/beta"] == pytest.approx(0.1, rel=0.35)
     assert found.facts["converged"].ok
+
+
+@pytest.mark.parametrize("dof", [math.inf, 8.0])
+def test_what_did_not_settle_is_not_said_to_have_converged(impacts, dof):
+    settled = least_squares(
+        problem_of(ifrfit.read(impacts({"gamma": np.linspace(5.0, 80.0, 30), "sigma": 0.02})))
+    )
+    assert noise_converged(replace(settled, noise_dof=dof)).ok
+    fact = noise_converged(replace(settled, noise_dof=dof, change=2e-3))
+    assert not fact.ok
+    assert "not settled: the last step was still one of 0.2 %" in fact.says
 
 
 def test_one_angle_cannot_tell_the_constants_apart(impacts):

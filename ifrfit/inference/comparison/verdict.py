@@ -55,7 +55,7 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
         says = f"Of the simulation, not of an experiment: {says[:1].lower()}{says[1:]}"
     loose = [title(name) for name, entry in entries.items() if not entry.fit.facts["converged"].ok]
     if loose:
-        says += f" Provisional: the posterior of {joined(loose)} did not converge."
+        says += f" Provisional: the fit of {joined(loose)} did not converge."
     return replace(found, says=says)
 
 

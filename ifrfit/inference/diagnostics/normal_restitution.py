@@ -163,6 +163,14 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) ->
         return
     shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
     remedy = "Fit a narrower range of it" if advise else "Mend the slip in the table first"
+    directions, _ = np.linalg.qr(np.vander(x - x.mean(), 3) * root[:, None])
+    variance = 1.0 if math.isinf(readings.dof) else rest / (x.size - 3)
+    sd = np.sqrt(variance * (directions**2).sum(axis=1)) / root
+    if advise and (parabola > 1.0 + _NEGLIGIBLE + _ABOVE * sd).any():
+        remedy = (
+            "e_n above 1 cannot be: no impact gains energy; look at the scale of the velocities, at what v_n "
+            "is divided by, and at the angles"
+        )
     yield (
         p,
         f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "

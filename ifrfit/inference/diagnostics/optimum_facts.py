@@ -25,11 +25,13 @@ _SHARE = 0.1  # of the largest loading below which a constant is not named in a 
 
 
 def noise_converged(found: LeastSquaresFit) -> Fact:
-    """Whether the iteration over the noise of least squares came to rest."""
-    if math.isinf(found.noise_dof):
-        says = "least squares converged"
+    """Whether the iteration over the noise, or the weights, of least squares came to rest."""
+    is_known = math.isinf(found.noise_dof)
+    if found.converged:
+        says = "least squares converged" if is_known else "the noise has settled"
     else:
-        says = f"the noise has {'' if found.converged else 'not '}settled"
+        what = "weights of least squares have" if is_known else "noise has"
+        says = f"the {what} not settled: the last step was still one of {100.0 * found.change:.2g} %"
     return Fact(found.converged, says, {"change": found.change}, FACTS["converged"])
 
 

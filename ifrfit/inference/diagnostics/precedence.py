@@ -165,7 +165,7 @@ def misfit_facts(
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
         # what the law misses it misses in every observable
-        if not (so_far.causes or so_far.fails(*_MISFIT, "duplicates")):
+        if not so_far.fails(*_MISFIT, "duplicates", "slips"):
             so_far.tell("duplicates", one_velocity(problem, found))
         so_far.tell("independence", _independence(so_far, problem, found, residuals))
     if not so_far.fails("repeated_number"):

@@ -62,6 +62,8 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     dof = np.broadcast_to(fit.noise_dof - 1.0, raw.shape)
     if fit.noise_dof <= 1.0:
         return Residuals(raw, standardised, internal, dof)
+    # no residual of a linear fit exceeds all of the misfit: at a bound, or beside a kink, no leverage holds
+    internal = np.where(internal**2 > (1.0 + _REST) * fit.noise_dof, standardised, internal)
     rest = np.maximum(fit.noise_dof - internal**2, _REST * fit.noise_dof)
     return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest), dof)
 
@@ -97,6 +99,8 @@ def _left_out(fitted: Array, standardised: Array, rows: Index) -> tuple[Array, A
     left = np.maximum(left, _FITTED)
     moved = np.where(has_residual, r / left, 0.0)  # residual from the fit without the row
     squares = float(r @ r) + 2.0 * moved * (own @ (own.T @ r)) + moved**2 * (within - 1.0)
+    wrong = squares < -_REST * rows.size  # more than all of the misfit: no leverage holds, as above
+    moved, squares = np.where(wrong, r, moved), np.where(wrong, float(r @ r) - r**2, squares)
     rest = rows.size - 1.0 - (float(leverage.sum()) - leverage) - (within - leverage**2) / left
     rest = np.maximum(rest, 0.0)
     variance = np.maximum(squares, _REST * rows.size) / np.maximum(rest, _REST)
@@ -111,9 +115,10 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
     """Rows beyond the Bonferroni limit, found one by one.
 
     The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
-    rows along. A row whose sigma is known has the limit of the normal law, any other that of Student's t with
-    the degrees of freedom of its own noise. Where only a search finds an optimum, it goes on from the last
-    one.
+    rows along. It counts only if that fit does not predict it either: beside a kink, or with few rows, the
+    leverage of the fit with it says little. A row whose sigma is known has the limit of the normal law, any
+    other that of Student's t with the degrees of freedom of its own noise. Where only a search finds an
+    optimum, it goes on from the last one.
     """
     found: list[tuple[int, float]] = []  # place in the problem, distance in sigma
     places = np.arange(problem.rows.value.size)
@@ -128,19 +133,39 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
         beyond = np.flatnonzero(size > limit)  # the least of the limits
         of_row = np.array([_limit(dof, places.size) for dof in residuals.dof[beyond].tolist()])
         beyond, of_row = beyond[size[beyond] > of_row], of_row[size[beyond] > of_row]
-        if beyond.size == 0:
+        for i in np.argsort(-size[beyond] / of_row, kind="stable")[:_MOST].tolist():
+            worst = int(beyond[i])
+            kept = np.delete(np.arange(places.size), worst)
+            try:
+                rest = refit(kept_problem.with_rows(kept), fit.sigma[kept], fit.optimum.theta)
+            except DataError:  # too few rows are left to tell their noise
+                continue
+            far = _prediction_error(kept_problem, fit, rest, worst, kept)
+            if abs(far) > of_row[i]:
+                break
+        else:
             break
-        first = int(np.argmax(size[beyond] / of_row))
-        worst, limit = int(beyond[first]), float(of_row[first])
-        found.append((int(places[worst]), float(residuals.studentised[worst])))
-        kept = np.delete(np.arange(places.size), worst)
-        places, kept_problem = places[kept], kept_problem.with_rows(kept)
-        try:
-            fit = refit(kept_problem, fit.sigma[kept], fit.optimum.theta)
-        except DataError:  # too few rows are left to tell their noise
-            break
+        limit = float(of_row[i])
+        found.append((int(places[worst]), far))
+        places, kept_problem, fit = places[kept], kept_problem.with_rows(kept), rest
         residuals = residuals_of(kept_problem, fit)
     return _outliers_fact(problem, found, limit, _p_of_rest(kept_problem, fit))
+
+
+def _prediction_error(
+    problem: Problem, fit: LeastSquaresFit, without: LeastSquaresFit, row: int, kept: Index
+) -> float:
+    """Residual of a row from the fit of the kept ones, over its sd: its noise, and the constants of that fit.
+
+    The noise of the row changes as that of its group does.
+    """
+    theta = without.optimum.theta
+    group = problem.noise_numbers
+    alike = group[kept] == group[row]
+    changed = float(np.median((without.sigma / fit.sigma[kept])[alike])) if alike.any() else 1.0
+    by_phi = (problem.jacobian(theta) @ without.gaussian.to_theta)[row]
+    variance = (fit.sigma[row] * changed) ** 2 + without.gaussian.variance(by_phi, 1.0)
+    return float(problem.residual(theta)[row]) / math.sqrt(variance)
 
 
 def _p_of_rest(problem: Problem, fit: LeastSquaresFit) -> float | None:
@@ -181,7 +206,8 @@ def _outliers_fact(
             "so many of so few rows are no outliers: the law does not hold for them, or sigma is too small"
         )
     else:
-        them, left_out = "them" if many else "it", [f"--exclude {exclude_name(problem, i)}" for i, _ in found]
+        them = "them" if many else "it"
+        left_out = dict.fromkeys(f"--exclude {exclude_name(problem, i)}" for i, _ in found)
         remedy = f"check {them}, or leave {them} out with {' '.join(left_out)}"
         at = problem.rows.which[[i for i, _ in found]]
         if all(

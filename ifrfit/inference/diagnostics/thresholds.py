@@ -132,9 +132,9 @@ FACTS = {
     "Where it leaves a smooth departure, a further slip with a size or a prior that is missed "
     f"(p < {REFUTED:g}, three times) it is said to explain a part",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
-    "every decimal, by noise and rounding (Poisson); or, where no misfit is found, changes of the residuals "
-    "of two observables of one velocity from one angle to the next correlate by more than 0.95 "
-    f"(p < {REFUTED:g}, times the number of pairs)",
+    "every decimal, by noise and rounding (Poisson); or, where no misfit and no slip is found, changes of "
+    "the residuals, in one unit, of two observables of one velocity from one angle to the next correlate by more "
+    f"than 0.95 (p < {REFUTED:g}, times twice the number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",
@@ -147,7 +147,8 @@ FACTS = {
     "as are there (errors are skewed then); looked for where nothing else is found",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal",
-    "outliers": f"studentised residuals within the Bonferroni limit at {100 * REFUTED:g} %, one by one; by "
+    "outliers": "studentised residuals, or those from the fit without the row, within the Bonferroni limit "
+    f"at {100 * REFUTED:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

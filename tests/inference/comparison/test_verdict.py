@@ -124,7 +124,7 @@ def test_simulations_say_that_they_are():
 def test_what_did_not_converge_is_provisional():
     found = compared("ifr", sigma=0.02, e_t=-0.7)
     assert verdict_of(not_converged(found, "fr").entries, found.priors).says.endswith(
-        " Provisional: the posterior of FR did not converge."
+        " Provisional: the fit of FR did not converge."
     )
 
 

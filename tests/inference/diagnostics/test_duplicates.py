@@ -70,3 +70,37 @@ def test_one_velocity_as_two_observables_in_two_files(tmp_path):
         if twice:
             assert "beta_cm and beta have the same errors at 40 angles" in found.facts["duplicates"].says
             assert found.summary().startswith("LOOK  impacts stand in the table twice")
+
+
+def _two_records(folder, seed, columns, *, again, noise=0.01, off=0.0):
+    """v_x and v_n, and in another file what is computed of them or of other readings at the same angles."""
+    rng = np.random.default_rng(seed)
+    gamma = np.sort(np.round(rng.uniform(6.0, 78.0, 40), 1))
+    state = rebound(gamma + off, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True)
+    read = [np.array((state.v_x, state.v_n)) + noise * rng.standard_normal((2, 40)) for _ in range(2)]
+    v_x, v_n = read[0 if again else 1]
+    before = np.radians(gamma)
+    of = {
+        "beta_cm": -v_x / np.sin(before),
+        "e_n": v_n / np.cos(before),
+        "mu_app": (np.sin(before) - v_x) / (np.cos(before) + v_n),
+    }
+    a = table_file(folder / "a.csv", {"gamma_deg": gamma, "v_x": read[0][0], "v_n": read[0][1]}, "%.5f")
+    b = table_file(folder / "b.csv", {"gamma_deg": gamma} | {name: of[name] for name in columns}, "%.5f")
+    return fit([a, b], method="lsq").facts.get("duplicates")
+
+
+@pytest.mark.parametrize("name", ["beta_cm", "e_n", "mu_app"])
+def test_a_ratio_computed_of_a_velocity_is_that_velocity_again(tmp_path, name):
+    """The two residuals differ by a factor that goes with the angle."""
+    fact = _two_records(tmp_path, 1, [name], again=True)
+    assert f"and {name} have the same errors at" in fact.says
+
+
+@pytest.mark.parametrize("seeds", [4, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.parametrize(("noise", "off"), [(0.01, 0.0), (0.0005, 3.0)])
+def test_other_readings_at_the_same_angles_are_others(tmp_path, seeds, noise, off):
+    """Where the law misses both by much, too."""
+    for seed in range(seeds):
+        found = _two_records(tmp_path, seed, ["beta_cm", "e_n"], again=False, noise=noise, off=off)
+        assert found is None, found.says

@@ -69,3 +69,17 @@ def test_scatter_alone_is_not_divided(tmp_path, seeds):
         beta = state.beta + 0.2 * rng.standard_normal(25)
         path = table_file(tmp_path / "narrow.csv", {"gamma_deg": gamma, "beta": beta})
         assert fit(path, method="lsq", fix={"e_n": 0.9}).facts["slips"].ok
+
+
+def test_a_line_with_two_values_is_listed_once(tmp_path):
+    rng = np.random.default_rng(0)
+    gamma = np.linspace(8.0, 76.0, 30)
+    state = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
+    values = {"v_x": state.v_x, "v_n": state.v_n}
+    values = {name: np.asarray(x) + 0.01 * rng.standard_normal(30) for name, x in values.items()}
+    gamma[SCATTERED] = 90.0 - gamma[SCATTERED]
+    says = (
+        fit(table_file(tmp_path / "t.csv", {"gamma_deg": gamma} | values), method="lsq").facts["slips"].says
+    )
+    lines = says.partition("lines (")[2].partition(")")[0].split(", ")
+    assert lines == [str(row + 2) for row in SCATTERED]

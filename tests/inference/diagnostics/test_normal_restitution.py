@@ -54,6 +54,15 @@ def test_readings_above_one_are_impossible(tmp_path):
     assert not restitution(table(tmp_path / "one.csv", single, sigma=0.01)).ok
 
 
+def test_a_rise_beyond_one_is_said_to_be_impossible(tmp_path):
+    """A normal velocity that is not divided by the cosine of the angle, or one that is divided twice."""
+    above = "e_n above 1 cannot be"
+    assert above in restitution(table(tmp_path / "t.csv", 0.9 / np.cos(np.radians(ANGLES)))).says
+    assert above not in restitution(table(tmp_path / "t.csv", 0.8 + 0.002 * ANGLES)).says
+    assert above in restitution(table(tmp_path / "t.csv", 0.96 + 0.001 * ANGLES)).says
+    assert above not in restitution(table(tmp_path / "t.csv", 0.93 + 0.001 * ANGLES, noise=0.02)).says
+
+
 def test_false_alarms_are_as_rare_as_stated(tmp_path):
     """600 clean tables: at one in a thousand or fewer, 4 or more alarms have a probability below 0.004."""
     from ifrfit.inference.diagnostics.normal_restitution import normal_restitution

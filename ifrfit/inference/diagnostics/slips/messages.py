@@ -296,7 +296,7 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
         )
     if name.startswith("mixed-"):
         what, remedy = _MIXED[name]
-        lines = [exclude_name(problem, i) for i in slip.rows]
+        lines = list(dict.fromkeys(exclude_name(problem, i) for i in slip.rows))
         more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
         of = f"{observable} " if observable else ""
         return f"{of}{what} in some of its lines ({', '.join(lines[:_MOST_LINES])}{more})", remedy
