@@ -150,15 +150,16 @@ class BatchedSearch:
         steps : int
             After which a search is given up.
         """
-        m, n = len(theta), len(self.problem.rows)
+        m = len(theta)
         dof = np.broadcast_to(dof, (m, len(self.groups)))
         x = np.zeros(m) if x is None else x
-        size = max(1, _ENTRIES // max(1, n * theta.shape[1]))
-        parts = [
-            self._run(theta[i : i + size], dof[i : i + size], x[i : i + size], steps)
-            for i in range(0, m, size)
-        ]
+        parts = [self._run(theta[at], dof[at], x[at], steps) for at in self.blocks(m)]
         return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def blocks(self, m: int) -> list[slice]:
+        """Parts of m places whose Jacobians fit into memory."""
+        step = max(1, _ENTRIES // max(1, self.base.size * self.free.size))
+        return [slice(start, start + step) for start in range(0, m, step)]
 
     def polish(self, found: Found, dof: Array) -> Found:
         """Take the last digits of theta, where the objective no longer tells one place from the next.
@@ -201,7 +202,7 @@ class BatchedSearch:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
         parameters, nothing = self.problem.parameters, np.zeros(len(theta))
         places = self.at(np.where(parameters.free, theta, parameters.fixed), nothing)
-        value, _ = self.objective(places, dof)
+        value = np.concatenate([self.objective(places[at], dof)[0] for at in self.blocks(len(places))])
         return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
 
     def bounds(self, x: Array) -> tuple[Array, Array]:

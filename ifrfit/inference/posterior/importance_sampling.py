@@ -163,14 +163,12 @@ def sample_by_importance(
             density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng
         )
         best = max(best, replicates, key=lambda each: each.effective_share)
-    while True:
-        found = best.posterior()
-        work = 2 * best.at.shape[0] * best.cost
-        if work > (WORK if found.converged else MOST_WORK):
-            return found
-        if found.converged and max(found.error, found.error_evidence) <= TARGET:
-            return found
-        best.refine()
+    found = best.enough()
+    if found.converged or best.effective_share < _EVEN:
+        return found
+    # a law near to the posterior leaves few draws in a tail that is rare, and makes most of a variance
+    far = best.with_law_fitted(far=True).enough()
+    return min(found, far, key=lambda each: max(each.error, each.error_evidence))
 
 
 class EvidenceByDraws(ABC):
@@ -328,11 +326,23 @@ class _Replicates:
         log_weights = log_p.reshape(at.shape[:2]) - self.proposal.log_density(at)
         return at, log_weights, squares.reshape(*at.shape[:2], squares.shape[1])
 
-    def with_law_fitted(self) -> _Replicates:
-        """As many points of the law that is fitted to these."""
+    def with_law_fitted(self, *, far: bool = False) -> _Replicates:
+        """As many points of the law that is fitted to these; `far` by what each adds to the variances."""
         density, rng = self._density, self._rng
-        law = refitted(self.proposal, density, self.at, self.log_weights, rng)
+        log_weights = self.log_weights + np.log(1.0 + self._squares_away) if far else self.log_weights
+        law = refitted(self.proposal, density, self.at, log_weights, rng)
         return _Replicates(density, law, rng, fewer=self._fewer)
+
+    def enough(self) -> ImportancePosterior:
+        """The posterior by these, as fine as it needs."""
+        while True:
+            found = self.posterior()
+            work = 2 * self.at.shape[0] * self.cost
+            if work > (WORK if found.converged else MOST_WORK):
+                return found
+            if found.converged and max(found.error, found.error_evidence) <= TARGET:
+                return found
+            self.refine()
 
     def enough_for_evidence(self) -> _Replicates:
         """These, as fine as the evidence needs."""
@@ -354,6 +364,14 @@ class _Replicates:
         at, log_weights, squares = whole
         self.at, self.log_weights = at.reshape(log_weights.size, -1), log_weights.reshape(-1)
         self._squares = squares.reshape(log_weights.size, squares.shape[-1])
+
+    @property
+    def _squares_away(self) -> Array:
+        """Squared distances from the means, in sd, summed over the free constants, (m,)."""
+        density, weights = self._density, special.softmax(self.log_weights)
+        theta = density.theta(density.coordinates.values(self.at))[:, density.problem.parameters.free]
+        square = (theta - weights @ theta) ** 2
+        return np.asarray((square / (weights @ square)).sum(axis=1))
 
     @property
     def cost(self) -> float:

@@ -64,6 +64,9 @@ class Misfit:
 
     def rises(self, theta: Array) -> Array:
         """`rise` at several theta, (m, p) to (m,); infinite where a value is undefined."""
+        return np.concatenate([self._rises(theta[part]) for part in self.search.blocks(len(theta))])
+
+    def _rises(self, theta: Array) -> Array:
         with np.errstate(all="ignore"):
             residual = self.problem.residual(theta) / self.search.base
             total, log = self.search.of_known(theta, residual), np.log(self.search.squares(residual))
@@ -76,6 +79,9 @@ class Misfit:
 
     def dof_at(self, theta: Array) -> Array:
         """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""
+        return np.concatenate([self._dof_at(theta[part]) for part in self.search.blocks(len(theta))])
+
+    def _dof_at(self, theta: Array) -> Array:
         with np.errstate(all="ignore"):
             residual = self.problem.residual(theta) / self.search.base
             log = np.log(self.search.squares(np.nan_to_num(residual)))

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import shlex
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import slips_study
-from factories import at_most, impacts_file, rest_long, table_file
+from factories import at_most, impacts_file, problem_of, rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
-from ifrfit.inference.diagnostics.slips.compared_fit import Slip
+from ifrfit.data import read
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import _rolling
+from ifrfit.inference.diagnostics.slips import refit
+from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, Slip
 from ifrfit.inference.diagnostics.slips.messages import slip_words
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
+from ifrfit.inference.diagnostics.slips.row_slips import mixed_readings
 from ifrfit.inference.fit import fit
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.physics import rebound
 
 RAW, SPUN = Scene(), Scene(spins=True)
@@ -308,3 +314,25 @@ def test_sizes_of_spins_and_columns_that_were_sorted_by_themselves(tmp_path):
     says = fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts["slips"].says
     # e_n is sorted by itself as well, which one slip of beta leaves
     assert "in part the table looks as if it had beta sorted by itself, not along with the angles" in says
+
+
+def test_many_rows_at_many_places_take_no_array_of_them_all(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(refit, "_AT_ONCE", 100_000)
+    gamma = np.linspace(5.0, 75.0, 20_000)
+    rows = {"gamma": gamma, "observables": ("beta",), "closure": "ifr", "c": -0.9, "noise": 0.02, "seed": 1}
+    path = impacts_file(tmp_path / "t.csv", rows)
+    problem = problem_of(read(path), "ifr", noise="unknown")
+    found = least_squares(problem)
+    theta, whole = found.optimum.theta, ComparedFit.of(problem, found)
+    (rolling,) = _rolling(problem, theta)
+    assert rolling.values is not None
+    array = 8 * len(starts(problem, theta)) * len(problem.rows)  # bytes
+    for looked_for in (
+        lambda: list(mixed_readings(problem, whole.misfit, theta)),
+        lambda: whole.with_size(rolling.values, 0.01, (0.0, np.inf), rolling.likely),
+    ):
+        tracemalloc.start()
+        looked_for()
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 2 * array

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from factories import impacts_file, problem_of, rest_long
@@ -118,3 +120,23 @@ def test_places_are_looked_at_together() -> None:
         )
     # far fewer calls than places
     assert len(calls) < 0.3 * sum(calls)
+
+
+def test_many_places_take_no_array_of_places_by_rows(tmp_path) -> None:
+    gamma = np.linspace(5.0, 75.0, 2000)
+    path = impacts_file(tmp_path / "t.csv", {"gamma": gamma, "observables": ("beta",), "closure": "ifr",
+                                             "c": -1.0, "mu": 2.0, "noise": 0.02, "seed": 1})  # fmt: skip
+    problem = problem_of(read(path), "ifr", noise="unknown")
+    misfit = Misfit.of(problem, least_squares(problem))
+    thetas = np.linspace(1.0, 0.9, 4000)[:, None] * misfit.fit.optimum.theta
+    one = 8 * len(thetas) * len(problem.rows)  # bytes
+    for looked_at in (
+        misfit.rises,
+        misfit.dof_at,
+        lambda places: misfit.search.lowest(places, misfit.modes[0].dof, 8),
+    ):
+        tracemalloc.start()
+        looked_at(thetas)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < one

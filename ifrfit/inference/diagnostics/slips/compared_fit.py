@@ -12,7 +12,15 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, Sized, nuisances, readings
-from ifrfit.inference.diagnostics.slips.refit import Misfit, Values, best_start, refitted, search, starts
+from ifrfit.inference.diagnostics.slips.refit import (
+    Misfit,
+    Values,
+    best_start,
+    in_parts,
+    refitted,
+    search,
+    starts,
+)
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
@@ -185,7 +193,8 @@ class ComparedFit:
             tried = [np.column_stack((self._places, np.full(len(self._places), one))) for one in likely]
 
             def of_rows(x: Array, rows: Index) -> Array:
-                return model(x[:, :-1], x[:, -1])[:, rows]
+                parts = in_parts(x, problem.rows.value.size)
+                return np.concatenate([model(part[:, :-1], part[:, -1])[:, rows] for part in parts])
 
             place = best_start(of_rows, self.misfit, problem.rows.value, np.concatenate(tried))
             best = max(best, searched(place), key=lambda each: each[0])

@@ -28,6 +28,7 @@ _CURVED_GRID = (0.3, 0.6, 0.9)
 _PLACES = 4  # of the closure's own constant
 _STEPS = 12
 _HALVINGS = 5
+_AT_ONCE = 1_000_000  # values that are computed together
 _AT_REST = 1e-3  # fall of minus twice the log likelihood below which the search ends
 _DIFFERENCE = 1e-7
 _ROWS_OF_STARTS = 48  # by which places are compared
@@ -121,6 +122,11 @@ def starts(problem: Problem, theta: Array) -> Array:
     return found
 
 
+def in_parts(places: Array, n: int) -> list[Array]:
+    """Several places, (m, q), in parts of which n values each fit into memory."""
+    return np.array_split(places, min(len(places), 1 + len(places) * n // _AT_ONCE))
+
+
 def best_start(values: Callable[[Array, Index], Array], misfit: Misfit, value: Array, tried: Array) -> Array:
     """Of several thetas, (m, p), the one whose values lie nearest: they are asked of some rows, (m, rows)."""
     rows = np.arange(value.size)
@@ -164,7 +170,8 @@ def search(
     for left_over in range(_STEPS, 0, -1):
         change = _step(values, misfit, value, x, residual, bounds)
         tried = np.clip(x + 0.5 ** np.arange(_HALVINGS)[:, None] * change, lower, upper)
-        left = value - np.nan_to_num(values(tried))
+        parts = [values(part) for part in in_parts(tried, value.size)]
+        left = value - np.nan_to_num(np.concatenate(parts))
         far = misfit.likelihood(left)
         best = int(np.argmin(far))
         fall = now - float(far[best])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, starts
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
@@ -117,11 +117,17 @@ def _classified(
     """The best division of the rows, from several starts; None where few or most are meant so."""
     other = _read(problem, reading, reading.possible)
     every = starts(problem, theta)
-    left = np.stack([np.nan_to_num(each.residual(every), nan=1e3) for each in (problem, other)])
-    nearer = np.where(np.abs(left[1]) < np.abs(left[0]), left[1], left[0])
+
+    def nearer(places: Array) -> Array:
+        left = [np.nan_to_num(each.residual(places), nan=1e3) for each in (problem, other)]
+        return np.where(np.abs(left[1]) < np.abs(left[0]), left[1], left[0])
+
+    parts = in_parts(every, len(problem.rows))
+    order = np.argsort(np.concatenate([misfit.likelihood(nearer(part)) for part in parts]))
     best: tuple[float, Bool, Array] | None = None
-    for start in np.argsort(misfit.likelihood(nearer))[:_STARTS]:
-        at, residual = _divided(problem, other, misfit, reading, every[start], misfit.sigma(nearer[start]))
+    for start in every[order[:_STARTS]]:
+        sigma = misfit.sigma(nearer(start[None])[0])
+        at, residual = _divided(problem, other, misfit, reading, start, sigma)
         far = float(misfit.likelihood(residual)) + 2.0 * int(at.sum()) * math.log(reading.factor)
         if _FEWEST_OF_KIND <= at.sum() <= _MOST_SHARE * len(problem.rows) and (best is None or far < best[0]):
             best = far, at, residual
