@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,7 +48,7 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
-        found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
+        found += _unsized(whole, alternatives(problem, other_units=of_spins))
         found += missing_values(problem, fit)
         if explains_little(whole):
             found += _mixed(whole)
@@ -133,7 +133,9 @@ def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Sli
     )
 
 
-def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share: float = 1.0) -> list[Slip]:
+def _unsized(
+    whole: ComparedFit, every: Iterable[Alternative], count: int = 1, share: float = 1.0
+) -> list[Slip]:
     """Likelihood ratios of tables with other signs, angles or names; times `count`, dof times `share`."""
     before, misfit = whole.before, whole.misfit
     dof = share * whole.dof
@@ -144,7 +146,9 @@ def _unsized(whole: ComparedFit, every: list[Alternative], count: int = 1, share
         careful = max(careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
         ratio = min(1.0, count * math.exp(-0.5 * careful))
         slip = Slip(each.name, drop, ratio, observable=each.observable, series=each.series)
-        found.append(replace(slip, values=each.values, best=theta))
+        if is_decisive(slip):  # each holds a table of its own
+            slip = replace(slip, values=each.values, best=theta)
+        found.append(slip)
     return found
 
 
@@ -229,7 +233,7 @@ def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, diffe
     for number in series:
         if differ or _scatters_more(whole, number):
             share = min(dof[number] / count[number] * len(problem.rows) / max(whole.dof, 1), 1.0)
-            unsized = _unsized(whole, list(alternatives(problem, number)), len(series), share)
+            unsized = _unsized(whole, alternatives(problem, number), len(series), share)
             found += [slip for slip in unsized if is_decisive(slip)]
     return found
 
