@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _LATENT = 40  # nodes over a true angle, roughly
 _AT_ONCE = 200_000  # predicted values held at once
+_OF_IMPACTS = 4_000_000  # log likelihoods of impacts held at once
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -200,7 +201,8 @@ class ConstantsDensity:
             The parameters behind the coordinates.
         """
         if not self.problem.error_model.is_plain:
-            scattered = np.asarray(self.scattered.impacts(values).sum(axis=1))
+            parts = np.array_split(values, 1 + values.shape[0] * len(self.problem.rows) // _OF_IMPACTS)
+            scattered = np.concatenate([self.scattered.impacts(part).sum(axis=1) for part in parts])
             return scattered, np.empty((values.shape[0], 0))
         total = np.zeros(values.shape[0])
         squares, found = self._squares(values), []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.noise import mixed_noise
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import exact_posterior, importance_sampling, integrate
+from ifrfit.inference.posterior import constants_density, exact_posterior, importance_sampling, integrate
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.importance_sampling import (
     EvidenceByImportance,
@@ -206,3 +207,19 @@ def test_its_evidence_is_that_of_quadrature_where_both_work() -> None:
     start = least_squares(problem)
     exact = integrate(problem, 1e-2, start)
     agree(exact_posterior(problem, start=start), exact)  # type: ignore[arg-type]
+
+
+def test_heavy_tails_take_no_array_of_points_by_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = measured("beta", np.linspace(6.0, 78.0, 500).tolist(), seed=1)
+    problem = Question(rows, fix={"e_n": 0.9}).problem()
+    density = ConstantsDensity(replace(problem, error_model=ErrorModel(4.0)))
+    at = np.full((4000, density.coordinates.dimensions), 0.1)
+    values = density.coordinates.values(at)
+    whole, _ = density.log_likelihood(values)
+    monkeypatch.setattr(constants_density, "_OF_IMPACTS", 50_000)
+    tracemalloc.start()
+    found, _ = density.log_likelihood(values)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == pytest.approx(whole, rel=1e-12)
+    assert peak < 8 * len(values) * len(rows)  # bytes
