@@ -174,7 +174,7 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     ----------
     group : ParameterGroup
     certified : bool
-        Whether a certified search over e_n is wanted where no other road is: a local one takes a tenth of it.
+        Whether a certified search over e_n is wanted where no other road is; else None.
     """
     if group.rows.of_kind("curved").any():
         return None
