@@ -11,6 +11,7 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.angle_error_size import AngleSlopes
+from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import chi2_by_observable, chi2_of_given, lack_of_fit
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
@@ -45,7 +46,7 @@ def scatter_too_large(
 
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
-    there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
+    there is no lack of fit (p >= 0.05), neighbours are not alike and there is no outlier, and the middle half of the residuals is as wide as the
     rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact
     of its own. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they
     are taken; else a few outliers without which chi2 is as it should be are told in its place.
@@ -90,7 +91,7 @@ def scatter_too_large(
         return None
     left = residuals_of(scattered, again)
     p = lack_of_fit(scattered, again, left, remedy=False).figures["p"]
-    if p is None or p < _EVEN:
+    if p is None or p < _EVEN or independence(scattered, again, left, explained=False) is not None:
         return None
     uneven = scatter_by_angle(scattered, again, left)
     # no rows are to be apart from the others, at an even noise or one that changes with the angle

@@ -244,19 +244,21 @@ def _with_plain_errors(
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         step = np.log(new / factor)
         change = float(np.abs(np.expm1(step)).max())
-        factor = new
         if change <= _CONVERGED:
             break
+        factor = new
         near = optimum.theta
         ahead = None if before is None else _end_of_steps(before, step)
         if ahead is not None:
             factor = factor * np.exp(ahead)
         before = step if ahead is None else None
     sigma = base * factor
-    if optimum.is_local and modes is not None:
+    is_provisional = optimum.is_local and modes is not None
+    if is_provisional:
         optimum = solve(problem, sigma, start)
+    if is_provisional or change > _CONVERGED:
+        gaussian = expanded(sigma, optimum.theta)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
-    gaussian = expanded(sigma, optimum.theta)
     rivals: tuple[tuple[float, Array], ...] = ()
     if modes is None:
         optimum = replace(optimum, gap=None)

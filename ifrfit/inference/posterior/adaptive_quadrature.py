@@ -205,6 +205,7 @@ class Refinement:
         self._integral, self._has_marginals = layout.integral, has_marginals
         self._is_over = over if over is not None else lambda: False
         self.errors: list[float] = []
+        self._reaches_end: bool | None = None  # by the present grid; not known yet
         self._allowed = tolerance  # error of all panels of an axis
 
     def run(self) -> None:
@@ -239,8 +240,11 @@ class Refinement:
 
     def kappa_reaches_end(self) -> bool:
         """Whether a separated kappa has mass where the bound of mu ties it to e_n, eq. (8)."""
-        if not self.layout.separable:
-            return False
+        if self._reaches_end is None:
+            self._reaches_end = self.layout.separable and self._has_mass_at_end()
+        return self._reaches_end
+
+    def _has_mass_at_end(self) -> bool:
         kappas = self.marginals or kappa_marginals(self.layout, self.density)  # `log_evidence` asks for none
         for block, name in enumerate(self.layout.kappa_names):
             domain = self._integral.series[block].mu
@@ -282,7 +286,7 @@ class Refinement:
 
     def _evaluate(self) -> None:
         self.work_left -= self._integral.work()
-        self.density = self._integral.evaluate()
+        self.density, self._reaches_end = self._integral.evaluate(), None
         self.evidence_error = self.density.evidence_error()
 
     def _marginals(self) -> Mapping[str, Marginal]:

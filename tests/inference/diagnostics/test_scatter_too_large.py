@@ -75,6 +75,14 @@ def test_another_law_is_a_lack_of_fit(tmp_path):
     assert not facts["lack_of_fit"].ok
 
 
+def test_neighbours_that_are_alike_are_no_scatter():
+    """A law without tangential restitution, where five of twelve rows show one: no spline of 4 knots sees it."""
+    facts = fit("hashemnia-2019", closure="f", method="lsq").facts
+    assert "scatter_too_large" not in facts
+    assert not facts["lack_of_fit"].ok
+    assert not facts["beyond_closure"].ok
+
+
 def test_closures_are_not_refuted_for_a_sigma(tmp_path):
     found = compare(_table(tmp_path / "t.csv", 2, 0.5), ["f", "ifr"], loo=False).verdict
     assert found.kind == "refuted"
