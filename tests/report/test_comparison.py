@@ -65,9 +65,8 @@ def test_there_are_criteria_where_the_likelihood_is_gaussian_alone(found):
 
 
 def test_a_p_that_is_none_is_said_to_be_small(found):
-    fact = found.entries["f"].fit.facts["lack_of_fit"]
-    nothing = replace(fact, figures={**fact.figures, "p": 0.0})
-    fit = replace(found.entries["f"].fit, facts={**found.entries["f"].fit.facts, "lack_of_fit": nothing})
+    of_f = found.entries["f"].fit
+    fit = replace(of_f, fit=replace(of_f.fit, p_value=0.0))
     entries = {**found.entries, "f": replace(found.entries["f"], fit=fit)}
     (row,) = [
         line for line in replace(found, entries=entries).summary().splitlines() if line.startswith("  F  ")
@@ -75,14 +74,27 @@ def test_a_p_that_is_none_is_said_to_be_small(found):
     assert "  < 1e-300  " in row
 
 
-def test_another_test_than_chi2_is_named(found):
-    fit = found.entries["f"].fit
+def _of_smooth_departure(found, name):
+    fit = found.entries[name].fit
     fact = fit.facts["lack_of_fit"]
-    other = replace(fact, figures={**fact.figures, "test": "smooth departure"})
-    changed = replace(found.entries["f"], fit=replace(fit, facts={**fit.facts, "lack_of_fit": other}))
-    words = "p of fit of F is of smooth departure, not of chi2, which is too large for sigma without a trend"
-    assert ("note", words) in findings(replace(found, entries={**found.entries, "f": changed}))
+    other = replace(fact, figures={**fact.figures, "test": "smooth departure", "p": 0.5})
+    changed = replace(found.entries[name], fit=replace(fit, facts={**fit.facts, "lack_of_fit": other}))
+    return replace(found, entries={**found.entries, name: changed})
+
+
+def test_another_test_than_chi2_is_named_where_the_best_has_it(found):
+    best = found.ranked[0]
+    words = "is of smooth departure, not of chi2, which is too large for sigma without a trend"
+    changed = _of_smooth_departure(found, best)
+    assert ("note", f"p of fit of {best.upper()} {words}") in findings(changed)
+    assert changed.table().loc[best, "lack_of_fit_p"] == 0.5
     assert not any(says.startswith("p of fit") for _, says in findings(found))
+
+
+def test_a_closure_that_misses_what_the_best_describes_is_judged_by_chi2(found):
+    changed = _of_smooth_departure(found, "f")
+    assert changed.table().loc["f", "lack_of_fit_p"] == found.entries["f"].fit.fit.p_value
+    assert not any(says.startswith("p of fit") for _, says in findings(changed))
 
 
 def test_what_did_not_converge_comes_first(found):

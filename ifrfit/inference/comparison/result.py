@@ -269,6 +269,15 @@ class Comparison(Display):
         """Whether the posterior of every closure did."""
         return all(entry.fit.facts["converged"].ok for entry in self.entries.values())
 
+    def p_of_fit(self, entry: Entry) -> float | None:
+        """p of the fit of a closure: of chi2 where that of the best one is.
+
+        What the best one describes then excuses no other closure by a sigma that is too small.
+        """
+        by_chi2 = self.best.facts["lack_of_fit"].figures.get("test") == "chi2"
+        p: float | None = entry.fit.facts["lack_of_fit"].figures["p"]
+        return entry.fit.fit.p_value if by_chi2 and entry.fit.fit.p_value is not None else p
+
     def table(self) -> pd.DataFrame:
         """One row a closure, the best first.
 
@@ -294,7 +303,7 @@ class Comparison(Display):
                 "log_evidence": entry.log_evidence,
                 "log_bayes_factor": entry.log_bayes_factor,
                 "probability": entry.probability,
-                "lack_of_fit_p": entry.fit.facts["lack_of_fit"].figures["p"],
+                "lack_of_fit_p": self.p_of_fit(entry),
                 "elpd_loo": loo.elpd if loo else None,
                 "elpd_difference": loo.difference if loo else None,
                 "se_difference": loo.se_difference if loo else None,

@@ -31,7 +31,7 @@ def criteria(comparison: Comparison) -> list[Column]:
     columns: list[Column] = [("constants", lambda e: f"{e.fit.fit.rank} of {e.free}")]
     if comparison.best.noise.policy not in ("unknown", "mixed"):
         columns.append(("chi2", lambda e: _short(e.fit.fit.chi2)))
-    columns.append(("p of fit", _p_of_fit))
+    columns.append(("p of fit", lambda e: _p_of_fit(comparison.p_of_fit(e))))
     if comparison.best.noise.error_model.is_plain:  # criteria are of a Gaussian likelihood
         columns.append(("AIC", lambda e: fixed(e.fit.fit.aic, 1)))
         if any(entry.aicc is not None for entry in comparison.entries.values()):
@@ -45,8 +45,7 @@ def criteria(comparison: Comparison) -> list[Column]:
     ]
 
 
-def _p_of_fit(entry: Entry) -> str:
-    p = entry.fit.facts["lack_of_fit"].figures["p"]
+def _p_of_fit(p: float | None) -> str:
     return "-" if p is None else "< 1e-300" if p < 1e-300 else p_text(p)
 
 
@@ -148,7 +147,9 @@ def _of_tests(comparison: Comparison) -> list[str]:
     """Whose p of fit is of another test than chi2, where that of others is of chi2."""
     groups: dict[str, list[str]] = {}
     for name, entry in comparison.entries.items():
-        groups.setdefault(entry.fit.facts["lack_of_fit"].figures.get("test") or "", []).append(title(name))
+        lack = entry.fit.facts["lack_of_fit"]
+        if comparison.p_of_fit(entry) == lack.figures["p"]:
+            groups.setdefault(lack.figures.get("test") or "", []).append(title(name))
     if "chi2" not in groups:
         return []
     return [
