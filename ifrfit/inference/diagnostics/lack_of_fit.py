@@ -39,9 +39,9 @@ def lack_of_fit(
 ) -> Fact:
     """Test whether constants can describe the data.
 
-    With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
-    with the runs test beside it. Pure error is that of each observable and of all together, p times the
-    number of tests. Where some sigma is known, by chi2 of these rows and by the other test of all rows: the
+    With known sigma by chi2; without by pure error where inputs repeat; by a smooth departure in tau, with
+    the runs test beside it, where none or few do. Pure error is that of each observable and of all together,
+    p times the number of tests. Where some sigma is known, by chi2 of these rows and by the other test of all rows: the
     smaller p counts twice.
 
     Parameters
@@ -71,7 +71,7 @@ def lack_of_fit(
         elif pure:
             tests["pure error"] = min(1.0, len(pure) * min(pure.values()))
             figures["p_pure"] = pure
-        else:
+        if scatter is None and (not pure or _are_few(problem, dof)):
             smooth = _smooth(problem, fit, r, oblique_groups(problem))
             found = [x for x in (smooth, runs) if x is not None]
             tests["smooth departure"] = min(found) if found else math.nan
@@ -232,6 +232,12 @@ def _pure_error(problem: Problem, fit: LeastSquaresFit, r: Array, dof: int) -> d
     return found
 
 
+def _are_few(problem: Problem, dof: int) -> bool:
+    """Whether repeats have fewer degrees of freedom than what they are to judge."""
+    dof_pure = len(problem.rows) - int(problem.rows.repeated.max()) - 1
+    return 2 * dof_pure < dof
+
+
 def oblique_groups(problem: Problem) -> list[Index]:
     """Rows of each observable that depends on the regime, sorted by tau."""
     rows = (problem.rows.rows_of(each.name) for each in problem.rows.observables if each.kind in OBLIQUE)
@@ -282,7 +288,7 @@ def _refuted_rows(
     if figures["test"] == "chi2":
         return np.flatnonzero(problem.noise.is_given)
     pure = {name: p for name, p in figures.get("p_pure", {}).items() if name != "all"}
-    if not pure:
+    if not pure or figures["test"] != "pure error":
         return most_orderly(problem, residuals.standardised, fit)
     return problem.rows.rows_of(min(pure, key=lambda name: pure[name]).removeprefix("angles of "))
 

@@ -26,6 +26,7 @@ Moved = Callable[[Array], tuple[str, float]]
 _SPIN_ZERO = 0.02  # R omega_y/u before impact by which spins may be off, as an example
 _LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
 _MATTERS = 0.5  # sd of a constant from which rounding of the angles is told
+_NOTHING = 1e-3  # sd of a constant by which it is moved in no sense
 _ROUNDED = (2, 5, 10)  # degrees that angles are rounded to
 _FEWEST_ANGLES = 4  # that are multiples of these by no chance
 
@@ -212,9 +213,9 @@ def _largest_move(
     of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
     # kappa speaks where the data leave mu open
     share = _share(moves, by_entry(constants)) or _share(moves, of_kappa)
-    if not any(share.values()):
+    name = max(share, key=lambda one: share[one], default="")
+    if share.get(name, 0.0) < _NOTHING:
         return "", 0.0
-    name = max(share, key=lambda one: share[one])
     return f"{name} by {abs(moves[name]):.2g}, {share[name]:.2g} sd", share[name]
 
 

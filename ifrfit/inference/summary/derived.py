@@ -41,11 +41,11 @@ def meaning_of(problem: Problem, constants: Constants) -> dict[str, Any]:
         return {meaning.name: Estimate(value, None, (value, value), (value, value), "fixed", reason)}
     found = constants[closure.constant]
     if isinstance(found, Estimate):
-        return {meaning.name: _meant(meaning, found, j)}
-    return {meaning.name: {series: _meant(meaning, each, j) for series, each in found.items()}}
+        return {meaning.name: _meant(meaning, closure.constant, found, j)}
+    return {meaning.name: {series: _meant(meaning, closure.constant, each, j) for series, each in found.items()}}
 
 
-def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
+def _meant(meaning: Meaning, name: str, c: Estimate, j: float) -> Estimate:
     """The quantity by the estimate of the constant: intervals map, as it is monotone."""
 
     def value(x: float) -> float:
@@ -64,7 +64,7 @@ def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
         inner,
         outer,
         c.status,
-        c.reason,
+        _reason_of(name, c),
         mean=value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
@@ -139,8 +139,13 @@ def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa:
 def angle_estimate(value: float, within68: Interval, within95: Interval, kappa: Estimate) -> Estimate:
     """A transition angle with the status of kappa, and its reason, unless that says what kappa is."""
     half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None
-    reason = "" if kappa.reason == KAPPA else kappa.reason
+    reason = "" if kappa.reason == KAPPA else _reason_of("kappa", kappa)
     return Estimate(value, half, within68, within95, kappa.status, reason)
+
+
+def _reason_of(name: str, estimate: Estimate) -> str:
+    """The reason of what follows from a quantity, whose own bound it names."""
+    return f"{name} {estimate.reason}" if " its bound " in estimate.reason else estimate.reason
 
 
 def median_spin(problem: Problem, series: int) -> tuple[float, float]:

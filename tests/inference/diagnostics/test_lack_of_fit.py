@@ -55,3 +55,16 @@ def test_the_comparison_names_the_same_observable(tmp_path):
     path = table(tmp_path / "t.csv", 0, gained)
     verdict = compare(path, closures=("ifr", "f")).verdict
     assert "the misfit sits in beta " in verdict.says, verdict.says
+
+
+def test_a_few_repeats_do_not_judge_all_other_rows(tmp_path):
+    """Three angles that happen to repeat among 75 have next to no power by themselves."""
+    gamma = np.random.default_rng(8).uniform(5.0, 80.0, 75)
+    gamma[:3] = gamma[3:6]
+    facts = fit(table(tmp_path / "t.csv", 8, gained, gamma=gamma), method="lsq").facts
+    assert facts["lack_of_fit"].figures["p_pure"]["all"] > 0.01
+    assert facts["lack_of_fit"].figures["test"] == "smooth departure"
+    assert not facts["lack_of_fit"].ok
+    rocks = fit("wang-2018-limestone", method="lsq").facts["lack_of_fit"]
+    assert not rocks.ok
+    assert rocks.figures["p"] < 1e-6

@@ -191,7 +191,9 @@ def draw_intervals(name: str, spans: tuple[Span, ...], domain: Interval) -> Char
     for place, span in enumerate(spans):
         marks += _bar(span, place, window, COLOURS[place % len(COLOURS)])
     x = Axis(*window, symbol(name), most=5, mirrored=True)
-    return lines_panel([span.label for span in spans], x, marks, 85.0, 25.0)
+    labels = [span.label for span in spans]
+    names = _room_for(labels, least=25.0)
+    return lines_panel(labels, x, marks, names + 60.0, names)
 
 
 def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Chart:
@@ -218,9 +220,14 @@ def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Chart:
             loose = estimate.value is None
             marks += _bar(span, place, window, GREY if loose else COLOURS[0], ":" if loose else "-")
     labels = [shortened(label, LONGEST) for label, _ in lines]
-    names = _GAP + _CHARACTER * max(map(len, labels), default=0)
+    names = _room_for(labels)
     x = Axis(*window, symbol(name), mirrored=True)
     return lines_panel(labels, x, marks, names + 80.0, names, line=5.0)
+
+
+def _room_for(labels: Sequence[str], least: float = 0.0) -> float:
+    """Millimetres that labels take beside their lines."""
+    return max(least, _GAP + _CHARACTER * max(map(len, labels), default=0))
 
 
 def _bar(span: Span, place: int, window: Interval, colour: str, line: str = "-") -> list[Mark]:
