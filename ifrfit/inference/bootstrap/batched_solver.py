@@ -34,7 +34,7 @@ from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, is_separable, without_normal_rows
 from ifrfit.inference.optimize.piecewise import PiecewiseBatch, PiecewiseProblem
-from ifrfit.inference.optimize.solve import center_free_e_n, independent_groups
+from ifrfit.inference.optimize.solve import center_unmeasured, independent_groups
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -172,7 +172,7 @@ def solve_batched_group(batched: BatchedGroup, weight: Array, shift: Array | Non
         found[:, 2] *= (1.0 + batched.fixed_e_n) / (1.0 + e_n)
         found[:, 0] = e_n
     else:
-        found = np.array([center_free_e_n(batched.group, (e, c, mu)) for e, c, mu in found]).reshape(-1, 3)
+        found = np.array([center_unmeasured(batched.group, (e, c, mu)) for e, c, mu in found]).reshape(-1, 3)
     low, high = (np.array([getattr(c, end) for c in constants]) for end in ("lower", "upper"))
     return GroupFits(np.clip(found, low, high), minima, without)
 

@@ -187,7 +187,7 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     if form is None:
         return solve_over_e_n(group) if certified else None
     optimum = minimise(form.problem)
-    minima = tuple((value, center_free_e_n(group, form.to_constants(t))) for value, t in optimum.optima)
+    minima = tuple((value, center_unmeasured(group, form.to_constants(t))) for value, t in optimum.optima)
     return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(group, form, optimum))
 
 
@@ -210,9 +210,15 @@ def raised(found: GroupOptimum, by: float) -> GroupOptimum:
     return replace(found, objective=found.objective + by, minima=minima)
 
 
-def center_free_e_n(group: ParameterGroup, constants: Constants) -> Constants:
-    """Put e_n into the middle of what bounds of mu allow, where nothing measures it."""
+def center_unmeasured(group: ParameterGroup, constants: Constants) -> Constants:
+    """Put the closure constant into the middle of its domain where nothing measures it, and e_n.
+
+    e_n is put into the middle of what bounds of mu allow.
+    """
     e_n, c, mu = constants
+    if group.c.fixed is None and group.c.prior is None and not group.rows.of_kind("tangential").any():
+        c = 0.5 * (group.c.lower + group.c.upper)
+        constants = e_n, c, mu
     touched = (
         group.e_n.fixed is not None
         or group.e_n.prior is not None

@@ -15,6 +15,7 @@ from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.estimation import Estimation
+from ifrfit.inference.result.prediction import draw_kept
 from ifrfit.inference.result.types import Estimate, Fact
 
 ANGLES = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0]
@@ -137,3 +138,12 @@ def test_a_law_without_noise_leaves_the_noise_as_it_was(impacts) -> None:
     assert told.constants["mu"].mean == pytest.approx(0.1, abs=1e-9)
     assert told.state.sample is not None
     assert told.state.sample.shape == (2000, 3)
+
+
+@pytest.mark.parametrize(("closure", "name"), [("ifr", "e_t"), ("fr", "beta0")])
+def test_a_constant_that_no_row_sees_is_drawn_over_its_domain(closure, name):
+    """Readings of e_n and mu say nothing of the closure constant: no end of its domain is the best value."""
+    found = ifrfit.fit("netl-glass-acrylic", closure=closure, method="lsq")
+    low, high = found.constants[name].interval95
+    drawn = draw_kept(found, 4000, np.random.default_rng(1))[name]
+    assert abs(np.median(drawn) - 0.5 * (low + high)) < 0.05 * (high - low)
