@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import HOPELESS, PriorRow
@@ -14,6 +15,7 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import followed
 from ifrfit.inference.posterior import (
     ExactPosterior,
@@ -107,20 +109,20 @@ def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Inter
     outside = sum(1.0 - float(upper - lower) for lower, upper in cuts)
     if len(labels) == 1 or outside <= _ENOUGH:
         return 1.0 - outside if 1.0 - outside > _ENOUGH else None
-    weighted = isinstance(posterior, ImportancePosterior)
+
+    def inside(drawn: Mapping[str, Array]) -> NDArray[np.bool_]:
+        each = [(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels]
+        return np.asarray(np.all(each, axis=0))
+
     rng = np.random.default_rng(0)
-    if weighted:
-        drawn = posterior.values
-    elif isinstance(posterior, QuadraturePosterior):
-        drawn = posterior.draws(_DRAWS, rng, labels)
+    if isinstance(posterior, ImportancePosterior):
+        share, error = posterior.share_of(inside(posterior.values))
+        return share if error <= _ERROR_OF_SHARE else None
+    if isinstance(posterior, QuadraturePosterior):
+        share = float(inside(posterior.draws(_DRAWS, rng, labels)).mean())
     else:
-        drawn = posterior.draws(_DRAWS, rng)
-    inside = np.all([(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels], axis=0)
-    if weighted:
-        share, error = posterior.share_of(inside)
-    else:
-        share = float(inside.mean())
-        error = math.sqrt((1.0 - share) / max(share * _DRAWS, 1e-300))
+        share = float(inside(posterior.draws(_DRAWS, rng)).mean())
+    error = math.sqrt((1.0 - share) / max(share * min(_DRAWS, posterior.n_draws), 1e-300))
     return share if error <= _ERROR_OF_SHARE else None
 
 

@@ -369,7 +369,7 @@ class _Search:
     def descend(self, optimum: Optimum) -> None:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
         mode = self.mode(optimum)
-        variance, before = mode.variance, None
+        variance, before = mode.variance, np.empty(0)
         for _ in range(_DESCENTS):
             mode = self.mode(solve(self.problem, self.sigma(variance), mode.theta, proven=False))
             step = np.log(mode.variance / variance)
@@ -377,9 +377,9 @@ class _Search:
                 break
             if self._is_known(mode.theta, mode.value, mode.variance):
                 break
-            ahead = None if before is None else end_of_steps(before, step)
+            ahead = end_of_steps(before, step) if before.size else None
             variance = mode.variance if ahead is None else mode.variance * np.exp(ahead)
-            before = step if ahead is None else None
+            before = step if ahead is None else np.empty(0)
         self._add(mode)
 
     def descend_together(self, thetas: Sequence[Array], *, widely: bool = False) -> None:
