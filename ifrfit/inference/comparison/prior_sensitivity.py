@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import HOPELESS, PriorRow
@@ -14,8 +15,14 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import followed
-from ifrfit.inference.posterior import ExactPosterior, log_evidence
+from ifrfit.inference.posterior import (
+    ExactPosterior,
+    ImportancePosterior,
+    QuadraturePosterior,
+    log_evidence,
+)
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
@@ -93,7 +100,7 @@ def _half(posterior: ExactPosterior, labels: Sequence[str], constant: Parameter)
     medians = [float(posterior.quantile(label, 0.5)) for label in labels]
     width = OWN_WIDTH * (constant.upper - constant.lower)
     low = min(max(float(np.mean(medians)) - 0.5 * width, constant.lower), constant.upper - width)
-    return low, low + width
+    return low, min(low + width, constant.upper)
 
 
 def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Interval) -> float | None:
@@ -102,9 +109,19 @@ def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Inter
     outside = sum(1.0 - float(upper - lower) for lower, upper in cuts)
     if len(labels) == 1 or outside <= _ENOUGH:
         return 1.0 - outside if 1.0 - outside > _ENOUGH else None
-    drawn = posterior.draws(_DRAWS, np.random.default_rng(0))
-    inside = np.all([(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels], axis=0)
-    share = float(inside.mean())
+
+    def inside(drawn: Mapping[str, Array]) -> NDArray[np.bool_]:
+        each = [(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels]
+        return np.asarray(np.all(each, axis=0))
+
+    rng = np.random.default_rng(0)
+    if isinstance(posterior, ImportancePosterior):
+        share, error = posterior.share_of(inside(posterior.values))
+        return share if error <= _ERROR_OF_SHARE else None
+    if isinstance(posterior, QuadraturePosterior):
+        share = float(inside(posterior.draws(_DRAWS, rng, labels)).mean())
+    else:
+        share = float(inside(posterior.draws(_DRAWS, rng)).mean())
     error = math.sqrt((1.0 - share) / max(share * min(_DRAWS, posterior.n_draws), 1e-300))
     return share if error <= _ERROR_OF_SHARE else None
 

@@ -86,7 +86,7 @@ def scatter_too_large(
         replace(problem.noise, policy="scaled" if of_all and not is_level else "unknown")
     )
     try:
-        again = least_squares(scattered)
+        again = least_squares(scattered, proven=False)
     except DataError:  # too few rows to tell their noise
         return None
     left = residuals_of(scattered, again)

@@ -27,15 +27,13 @@ from ifrfit.inference.optimize.angle_offset import (
 )
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
-from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
+from ifrfit.inference.optimize.noise_modes import NoiseModes, end_of_steps, likely_sigma, noise_modes, phi
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
-# Steps of the noises' logarithms that are followed to their end: largest ratio, longest, share off one line
-_STEADY, _SHORT, _ALIGNED = 0.9, 0.1, 0.01
 _SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
@@ -248,7 +246,7 @@ def _with_plain_errors(
             break
         factor = new
         near = optimum.theta
-        ahead = None if before is None else _end_of_steps(before, step)
+        ahead = None if before is None else end_of_steps(before, step)
         if ahead is not None:
             factor = factor * np.exp(ahead)
         before = step if ahead is None else None
@@ -341,15 +339,6 @@ def _effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Arr
         for sd, slope in slopes(law, at_theta(problem, theta[None], series=number)):
             square[rows[law.order]] += (slope[0, 0, :, 0] * sd) ** 2
     return np.asarray(np.sqrt(square))
-
-
-def _end_of_steps(before: Array, step: Array) -> Array | None:
-    """What is left of steps that shrink by one ratio each (Aitken); None where they do not."""
-    ratio = float(step @ before) / max(float(before @ before), 1e-300)
-    off = step - ratio * before
-    if abs(ratio) > _STEADY or float(np.abs(step).max()) > _SHORT or off @ off > _ALIGNED * (step @ step):
-        return None
-    return np.asarray(step * ratio / (1.0 - ratio))
 
 
 def _factors(

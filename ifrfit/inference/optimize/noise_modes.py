@@ -39,6 +39,8 @@ from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 30  # weighted fits of one descent, at the most
+# Steps of the noises' logarithms that are followed to their end: largest ratio, longest, share off one line
+_STEADY, _SHORT, _ALIGNED = 0.9, 0.1, 0.01
 _AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
 _WIDELY = 12  # places all over the domain that are followed to a mode, the lowest after a few steps
 _ROUGH_STEPS = 4
@@ -196,6 +198,15 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
 def phi(problem: Problem, theta: Array) -> float:
     """Phi at theta, eq. (12)."""
     return _Search(problem).at(theta)[0]
+
+
+def end_of_steps(before: Array, step: Array) -> Array | None:
+    """What is left of steps that shrink by one ratio each (Aitken); None where they do not."""
+    ratio = float(step @ before) / max(float(before @ before), 1e-300)
+    off = step - ratio * before
+    if abs(ratio) > _STEADY or float(np.abs(step).max()) > _SHORT or off @ off > _ALIGNED * (step @ step):
+        return None
+    return np.asarray(step * ratio / (1.0 - ratio))
 
 
 def likely_sigma(problem: Problem, theta: Array) -> Array:
@@ -358,13 +369,17 @@ class _Search:
     def descend(self, optimum: Optimum) -> None:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
         mode = self.mode(optimum)
+        variance, before = mode.variance, np.empty(0)
         for _ in range(_DESCENTS):
-            before = mode.variance
-            mode = self.mode(solve(self.problem, self.sigma(before), mode.theta, proven=False))
-            if np.abs(mode.variance / before - 1.0).max() <= _AT_REST:
+            mode = self.mode(solve(self.problem, self.sigma(variance), mode.theta, proven=False))
+            step = np.log(mode.variance / variance)
+            if np.abs(step).max() <= _AT_REST:
                 break
             if self._is_known(mode.theta, mode.value, mode.variance):
                 break
+            ahead = end_of_steps(before, step) if before.size else None
+            variance = mode.variance if ahead is None else mode.variance * np.exp(ahead)
+            before = step if ahead is None else np.empty(0)
         self._add(mode)
 
     def descend_together(self, thetas: Sequence[Array], *, widely: bool = False) -> None:

@@ -51,7 +51,7 @@ from ifrfit.inference.posterior.proposal_adaptation import (
 )
 
 _TRIED = 512, 512, 1024, 2048  # points of each round of adaptation
-_EVEN = 0.4  # effective share of the points of a larger round after which no other one follows
+_EVEN = 0.4  # effective share of the points of a later round after which no other one follows
 _TRIED_OF_SERIES = 16  # points of a series at each of them
 _FLATTENED = 0.2  # power of the weights of half of what the laws of series are fitted to
 _TEMPERED = 0.15  # least effective share of the points that laws are fitted to
@@ -130,7 +130,7 @@ class _Points:
 
 
 def sample_by_series(
-    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0
+    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0, *, target: float = TARGET
 ) -> ImportancePosterior:
     """Sample the posterior of a problem with constants of each series, until standard errors are small.
 
@@ -144,12 +144,14 @@ def sample_by_series(
     start : LeastSquaresFit, optional
         The certified optimum, where it is known already.
     seed : int
+    target : float
+        Standard error, in sd, at which sampling ends.
     """
     start = least_squares(problem) if start is None else start
     rng = np.random.default_rng(seed)
     sampler = _Sampler(FactorisedDensity(problem), rng)
     laws = sampler.adapted(known_modes(sampler.density.whole, start))
-    return sampler.sample(laws)
+    return sampler.sample(laws, target)
 
 
 class EvidenceBySeries(EvidenceByDraws):
@@ -220,11 +222,11 @@ class _Sampler:
     def adapted(self, modes: Sequence[Gaussian]) -> _Laws:
         """Laws near to the posterior, fitted to points of those before them."""
         laws = self._about(modes)
-        for n in (each // self._rarer for each in _TRIED):
+        for number, n in enumerate(each // self._rarer for each in _TRIED):
             shared = self._shared(laws, n, self._rng.random(1 + len(self.density.shared)))
             points = self._points(laws, shared, [_TRIED_OF_SERIES] * len(laws.series))
             laws = self.fitted(laws, points)
-            if n > _TRIED[0] // self._rarer and effective_share(points.log_weights) >= _EVEN:
+            if number > 0 and effective_share(points.log_weights) >= _EVEN:
                 break
         return laws
 
@@ -284,15 +286,15 @@ class _Sampler:
             return np.zeros((n, 0))
         return np.asarray(laws.shared.draw(lattice(n, shift, finer=finer)[None])[0])
 
-    def sample(self, laws: _Laws) -> ImportancePosterior:
-        """Draw finer and finer lattices until standard errors are small."""
+    def sample(self, laws: _Laws, target: float) -> ImportancePosterior:
+        """Draw finer and finer lattices until standard errors, in sd, are no more than `target`."""
         lattices = self._lattices(laws)
         while True:
             points, work = next(lattices)
             found = self._posterior(points)
             if work > (_WORK if found.converged else _MOST_WORK):
                 return found
-            if max(found.error, found.error_evidence) <= TARGET and found.converged:
+            if found.converged and found.error <= target and found.error_evidence <= TARGET:
                 return found
 
     def enough_for_evidence(self, laws: _Laws, *, at_first: bool = False) -> _Points:

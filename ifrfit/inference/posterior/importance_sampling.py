@@ -129,6 +129,18 @@ class ImportancePosterior(WeightedDraws):
         found = self.noises[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
         return float(found[0]) if np.ndim(value) == 0 else found
 
+    def share_of(self, inside: NDArray[np.bool_]) -> tuple[float, float]:
+        """Probability of some of the draws, and the standard error of its logarithm.
+
+        The error is infinite where few draws carry the weight.
+        """
+        weights = np.where(inside, self.weights, 0.0)
+        if not weights.any():
+            return 0.0, math.inf
+        with np.errstate(divide="ignore"):
+            found, error = believed_evidence(np.log(weights))
+        return self.weights.size * math.exp(found), error
+
     @property
     def converged(self) -> bool:
         """Whether errors are small, and enough draws carry the weight for these to be believed."""
@@ -137,7 +149,7 @@ class ImportancePosterior(WeightedDraws):
 
 
 def sample_by_importance(
-    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0
+    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0, *, target: float = TARGET
 ) -> ImportancePosterior:
     """Sample the posterior of a problem, until standard errors are small or there are very many draws.
 
@@ -149,6 +161,8 @@ def sample_by_importance(
         The certified optimum, where it is known already.
     seed : int
         Of the shifts of the lattices.
+    target : float
+        Standard error, in sd, at which sampling ends.
     """
     start = least_squares(problem) if start is None else start
     density = ConstantsDensity(problem)
@@ -163,11 +177,11 @@ def sample_by_importance(
             density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng
         )
         best = max(best, replicates, key=lambda each: each.effective_share)
-    found = best.enough()
+    found = best.enough(target)
     if found.converged or best.effective_share < _EVEN:
         return found
     # a law near to the posterior leaves few draws in a tail that is rare, and makes most of a variance
-    far = best.with_law_fitted(far=True).enough()
+    far = best.with_law_fitted(far=True).enough(target)
     return min(found, far, key=lambda each: max(each.error, each.error_evidence))
 
 
@@ -333,14 +347,14 @@ class _Replicates:
         law = refitted(self.proposal, density, self.at, log_weights, rng)
         return _Replicates(density, law, rng, fewer=self._fewer)
 
-    def enough(self) -> ImportancePosterior:
-        """The posterior by these, as fine as it needs."""
+    def enough(self, target: float) -> ImportancePosterior:
+        """The posterior by these, as fine as it needs: standard errors in sd of `target`."""
         while True:
             found = self.posterior()
             work = 2 * self.at.shape[0] * self.cost
             if work > (WORK if found.converged else MOST_WORK):
                 return found
-            if found.converged and max(found.error, found.error_evidence) <= TARGET:
+            if found.converged and found.error <= target and found.error_evidence <= TARGET:
                 return found
             self.refine()
 

@@ -22,6 +22,7 @@ from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evide
 from ifrfit.inference.posterior.constants_density import factorises
 from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries, sample_by_series
 from ifrfit.inference.posterior.importance_sampling import (
+    TARGET,
     EvidenceByDraws,
     EvidenceByImportance,
     ImportancePosterior,
@@ -65,7 +66,8 @@ def exact_posterior(
     problem : Problem
         With or without an unknown offset of the set angles.
     tolerance : float
-        Of the quadrature, see `ifrfit.inference.posterior.adaptive_quadrature.integrate`.
+        Of the quadrature, see `ifrfit.inference.posterior.adaptive_quadrature.integrate`. From 0.01 on
+        sampling ends at the standard error that counts as converged.
     start : LeastSquaresFit, optional
         The certified optimum, where it is known already.
     integrator : {"automatic", "quadrature", "sampling"}
@@ -85,14 +87,15 @@ def exact_posterior(
     if integrator == "quadrature" or is_certain:
         over_offset = problem.offset is not None
         return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
+    target = SAMPLING_ERROR if tolerance >= _COARSE else TARGET
     if integrator == "sampling" or no_grid(problem):
-        return sampled_posterior(problem, start, seed)
+        return sampled_posterior(problem, start, seed, target=target)
     # up to where quadrature is not slower than draws
     most_work = _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
     found = _grid_up_to(most_work, problem, tolerance, start)
     if found is not None and found.converged:
         return found
-    sampled = sampled_posterior(problem, start, seed)
+    sampled = sampled_posterior(problem, start, seed, target=target)
     if sampled.converged:
         return sampled
     if found is None and tolerance < _COARSE:  # rather slow than without an answer
@@ -118,7 +121,9 @@ def _grid_up_to(
     return found
 
 
-def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> ImportancePosterior:
+def sampled_posterior(
+    problem: Problem, start: LeastSquaresFit, seed: int = 0, *, target: float = TARGET
+) -> ImportancePosterior:
     """The posterior by importance sampling; series by series where each has constants of its own.
 
     Parameters
@@ -127,9 +132,11 @@ def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -
         With a free constant at least.
     start : LeastSquaresFit
     seed : int
+    target : float
+        Standard error, in sd, at which sampling ends.
     """
     sample = sample_by_series if factorises(problem) else sample_by_importance
-    return sample(problem, start, seed)
+    return sample(problem, start, seed, target=target)
 
 
 def evidence_by_draws(problem: Problem, start: LeastSquaresFit) -> EvidenceByDraws:

@@ -138,6 +138,9 @@ class QuadraturePosterior:
         b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))
         return np.asarray(self.quantile(self.layout.kappa_names[block], p)) / b
 
-    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""
-        return draw(self.layout, self.density, self.names, n, rng)
+    def draws(self, n: int, rng: np.random.Generator, names: Sequence[str] | None = None) -> dict[str, Array]:
+        """Independent draws of constants, kappa and free noises together, from the quadrature itself.
+
+        All of them, or those of some names.
+        """
+        return draw(self.layout, self.density, self.names if names is None else names, n, rng)

@@ -38,7 +38,7 @@ def draw(
     layout : IntegralLayout
     density : JointDensity
     names : sequence of str
-        Of the quantities, in the order of the result.
+        Of the quantities wanted, in the order of the result.
     n : int
     rng : numpy.random.Generator
     """
@@ -61,7 +61,8 @@ def draw(
         found["noise"] = shared["noise"]
     for grid, groups, own in zip(density.grids, layout.noise_groups, parts, strict=True):
         for group, name in enumerate(groups):
-            found[noise_name(name)] = _noise(grid, group, own, rng)
+            if noise_name(name) in names:
+                found[noise_name(name)] = _noise(grid, group, own, rng)
     return {name: found[name] for name in names}
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas as pd
 import pytest
 from comparison_data import FOUR, observations
 from factories import problem_of
 
-from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison import compare, prior_sensitivity
 from ifrfit.inference.comparison.prior_sensitivity import MU_WIDTHS, prior_of
-from ifrfit.inference.posterior import log_evidence
+from ifrfit.inference.posterior import exact_posterior, log_evidence
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +112,32 @@ def test_a_wider_prior_is_integrated_where_the_posterior_reaches_its_end(gamma):
     row = next(r for r in found.priors if r.varied == "mu up to 4")
     own = problem_of(data, "ifr", noise="known", fix=fixed, bounds={"mu": (0.0, 4.0)})
     assert row.log_evidence["ifr"] == pytest.approx(log_evidence(own), abs=1e-3)
+
+
+def test_half_the_domain_ends_where_the_domain_does():
+    """0.3 above -0.7 is more than -0.4, by rounding: the posterior would be integrated anew."""
+    data = observations("ifr", sigma=0.05, e_t=-0.41)
+    found = compare(data, ("f", "ifr"), loo=False, fix={"e_n": 0.9}, noise="known").entries["ifr"].fit
+    constant = found.problem.parameters["e_t"]
+    low, high = prior_sensitivity._half(found.distribution, ["e_t"], constant)
+    assert (low, high) == (pytest.approx(-0.7), constant.upper)
+
+
+def test_weighted_draws_know_their_share_between_ends(monkeypatch):
+    one = observations("ifr", [5, 8, 40, 60, 80], sigma=0.2, e_t=-0.85)
+    two = observations("ifr", [5, 8, 12, 16, 20], sigma=0.2, e_t=-0.85, seed=4)
+    other = two.table
+    other["series"] = "second"
+    data = type(one)(pd.concat([one.table, other], ignore_index=True), one.sources)
+    fixed, labels = {"e_n": 0.9}, ["mu[0]", "mu[second]"]
+    problem = problem_of(data, "ifr", noise="known", fix=fixed, separate=["mu"])
+    labels = [name for name in problem.parameters.names if name.startswith("mu")]
+    sampled = exact_posterior(problem, integrator="sampling")
+    for end in (0.5, 1.0):
+        cut = problem_of(data, "ifr", noise="known", fix=fixed, separate=["mu"], bounds={"mu": (0.0, end)})
+        exact = log_evidence(cut) - log_evidence(problem) - 2.0 * math.log(2.0 / end)
+        share = prior_sensitivity._share_between(sampled, labels, (0.0, end))
+        assert -1.5 < exact < -0.1
+        assert math.log(share) == pytest.approx(exact, abs=0.04)
+    # far outside no draw tells
+    assert sampled.share_of(np.zeros(sampled.weights.size, dtype=bool)) == (0.0, math.inf)
