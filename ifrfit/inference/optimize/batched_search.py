@@ -324,9 +324,9 @@ class BatchedSearch:
         step = model.step(np.zeros(active.size))
         tried(every, 0, step)
         if not model.margin.shape[1]:  # beyond a kink lies another optimum
-            factor = last.factor(active, step, model.unit)
-            if (longer := np.flatnonzero(factor != 1.0)).size:
-                tried(longer, 0, (factor[:, None] * step)[longer])
+            longer = last.factor(active, step, model.unit)
+            if (which := np.flatnonzero(longer != 1.0)).size:
+                tried(which, 0, (longer[:, None] * step)[which])
         others = np.flatnonzero(~(fall >= _TRUSTED * model.promised))
         if others.size:
             own = model.take(others)
