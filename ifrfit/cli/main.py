@@ -5,6 +5,8 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -155,6 +157,22 @@ def _main(
     pass
 
 
+_TRIM, _MMAP = -1, -3  # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of glibc's malloc.h
+_KEPT, _FROM_HEAP = 64 * 2**20, 4 * 2**20  # bytes
+
+
+def keep_freed_memory() -> None:
+    """Let the process keep memory that arrays leave: given back, each next one has its pages made anew.
+
+    That is up to a quarter of the seconds of a fit. Of glibc alone; elsewhere nothing happens.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        libc = ctypes.CDLL("libc.so.6")
+        libc.mallopt(_TRIM, _KEPT)
+        libc.mallopt(_MMAP, _FROM_HEAP)
+
+
 def main() -> None:
     """Entry point."""
+    keep_freed_memory()
     app()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,13 +85,13 @@ class Incidence:
 
     def map(self, of: Callable[[Array], Array]) -> Incidence:
         """The same with each of its arrays changed."""
-        return Incidence(*map(of, vars(self).values()))
+        return Incidence(*(of(getattr(self, part.name)) for part in fields(self)))
 
     def take(self, rows: NDArray[np.intp]) -> Incidence:
         """These impacts only, along the last axis."""
         return self.map(lambda part: part[..., rows])
 
-    @property
+    @cached_property
     def slip(self) -> Array:
         """|U_t|/u."""
         return np.asarray(np.hypot(self.slip_x, self.slip_y))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,25 @@ def imported(python, modules, *arguments):
 def test_version(python):
     found = python("-m", "ifrfit", "--version")
     assert (found.returncode, found.stdout, found.stderr) == (0, f"ifrfit {__version__}\n", "")
+
+
+# pages that the kernel makes for 300 times ten arrays of 0.24 MB
+_PAGES = """
+import resource, sys
+import numpy as np
+from ifrfit.cli.main import keep_freed_memory
+if sys.argv[1] == "keep":
+    keep_freed_memory()
+for _ in range(300):
+    [np.ones(30_000) for _ in range(10)]
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a setting of glibc")
+def test_arrays_share_their_pages(python):
+    without, kept = (int(python("-c", _PAGES, word).stdout) for word in ("no", "keep"))
+    assert kept < 0.5 * without
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("fit", "--help"), ("template",)])

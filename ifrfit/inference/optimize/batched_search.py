@@ -41,6 +41,8 @@ _ROOM = 1e-12  # from a bound, relative to the range, within which a constant li
 _FAR = 1e9  # where a constant without an upper bound ends
 _ON_KINK = 1e-3  # distance from a kink, in standard deviations
 _POLISHES = 20
+_ALIGNED = 0.01  # share of a step, squared, that may lie across the one before where it goes on along it
+_FURTHER = 20.0  # times the step, at most, that it is then made longer
 _CREEPING = 3e-4, 8  # fall of a damped step, and of how many, after which a search is given up
 _MERGED_EVERY, _MERGED = 8, 1e-4  # steps after which searches are merged that are so near, of the range
 _NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
@@ -171,6 +173,7 @@ class BatchedSearch:
         theta = found.theta.copy()
         active = np.flatnonzero(found.converged)
         promised = np.full(len(theta), np.inf)
+        steps = _Steps.none(len(theta), int(self.free.sum()))
         for _ in range(_POLISHES if self.free.any() else 0):
             if not active.size:
                 break
@@ -182,8 +185,10 @@ class BatchedSearch:
             step = np.where(
                 on_kink[:, None], model.step_along_nearest_kink, model.step(np.zeros(active.size))
             )
+            longer = step * steps.factor(active, step, model.unit)[:, None]
+            steps.keep(active, step, longer)
             active, promised[active] = active[going], left
-            theta[np.ix_(active, np.flatnonzero(self.free))] += step[going]
+            theta[np.ix_(active, np.flatnonzero(self.free))] += longer[going]
             theta[active] = self.at(theta[active], x[active])
         value, _ = self.objective(theta, dof)
         slack = _AT_REST + _ROUNDING * np.abs(found.value)
@@ -234,6 +239,7 @@ class BatchedSearch:
             return Found(theta, value, np.isfinite(value))
         first = theta.copy(), value.copy()
         leader, creeping = np.arange(len(theta)), np.zeros(len(theta), dtype=np.intp)
+        last = _Steps.none(len(theta), int(self.free.sum()))
         for number in range(steps):
             if number % _MERGED_EVERY == _MERGED_EVERY - 1:
                 active = self._leading(active, theta, value, dof, x, leader)
@@ -246,7 +252,7 @@ class BatchedSearch:
             active, model, tolerance = active[~done], model.take(~done), tolerance[~done]
             if not active.size:
                 break
-            fall, index = self._move(active, model, theta, value, z, dof, x, damping)
+            fall, index = self._move(active, model, theta, value, z, dof, x, damping, last)
             stuck = fall <= tolerance
             on_kink = stuck & model.is_on_kink & (model.promised_along <= tolerance)
             converged[active[on_kink & (damping[active] > 1.0)]] = True
@@ -290,10 +296,12 @@ class BatchedSearch:
         dof: Array,
         x: Array,
         damping: Array,
+        last: _Steps,
     ) -> tuple[Array, Index]:
         """Take the best step of each search, in place; gives its fall, and which step it was.
 
-        The undamped one first; the damped ones, and those along kinks, where it does not keep its promise.
+        The undamped one first, and a longer one where it goes on along the `last`; the damped ones, and those
+        along kinks, where it does not keep its promise.
         """
         fall, index = np.zeros(active.size), np.zeros(active.size, dtype=np.intp)
 
@@ -313,7 +321,12 @@ class BatchedSearch:
 
         best, rest = theta[active], z[active]
         every = np.arange(active.size)
-        tried(every, 0, model.step(np.zeros(active.size)))
+        step = model.step(np.zeros(active.size))
+        tried(every, 0, step)
+        if not model.margin.shape[1]:  # beyond a kink lies another optimum
+            longer = last.factor(active, step, model.unit)
+            if (which := np.flatnonzero(longer != 1.0)).size:
+                tried(which, 0, (longer[:, None] * step)[which])
         others = np.flatnonzero(~(fall >= _TRUSTED * model.promised))
         if others.size:
             own = model.take(others)
@@ -323,6 +336,8 @@ class BatchedSearch:
             along = [(kink, each) for kink in own.kinks_ahead for each in damped]
             for number, (kink, each) in enumerate(along, start=len(_DAMPED) + 1):
                 tried(others, number, own.step_along(kink, each), kink)
+        gone = (best - theta[active])[:, self.free] * (index == 0)[:, None]
+        last.keep(active, step, gone)
         moved = active[fall > 0.0]
         theta[moved], z[moved] = best[fall > 0.0], rest[fall > 0.0]
         value[moved] -= fall[fall > 0.0]
@@ -557,6 +572,39 @@ class _Model:
     def promised_along(self) -> Array:
         """Fall of the model along the nearest kink, (m,)."""
         return self.promised - self._nearest[2] if self.margin.shape[1] else self.promised
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """The last step of the model of each search, and how far it went, (m, q) each.
+
+    Where residuals are large, steps of Gauss and Newton shrink by one ratio each. Where the next one goes on
+    along the last, it is as long as the line through the two leads to no step at all (Aitken).
+    """
+
+    step: Array
+    moved: Array
+
+    @classmethod
+    def none(cls, m: int, q: int) -> _Steps:
+        """Before the first steps."""
+        return cls(np.zeros((m, q)), np.zeros((m, q)))
+
+    def keep(self, which: Index, step: Array, moved: Array) -> None:
+        """The steps of some searches."""
+        self.step[which], self.moved[which] = step, moved
+
+    def factor(self, which: Index, step: Array, unit: Array) -> Array:
+        """By which the next steps of some searches are to be longer, (m,); 1 where nothing is known."""
+        scale = np.where(unit > 0.0, 1.0 / np.where(unit > 0.0, unit, 1.0), 0.0)
+        now, before, moved = step * scale, self.step[which] * scale, self.moved[which] * scale
+        along, size = (now * before).sum(axis=1), (before**2).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = along / size
+            factor = (moved * before).sum(axis=1) / size / (1.0 - ratio)
+            across = ((now - ratio[:, None] * before) ** 2).sum(axis=1)
+            good = (across <= _ALIGNED * (now**2).sum(axis=1)) & (factor > 0.0) & (factor < _FURTHER)
+        return np.where(good, factor, 1.0)
 
 
 def _least_moving(values: Array, stopped: Bool) -> Array:

@@ -91,7 +91,7 @@ class Table:
                 f"{high:g}. A solid sphere of the wall's material has 1.167 to 1.75."
             )
         x = (chi - low) / (self.chi[1] - self.chi[0])
-        i = np.clip(np.nan_to_num(x), 0.0, self.chi.size - 2.0).astype(np.intp)
+        i = np.minimum(np.fmax(x, 0.0), self.chi.size - 2.0).astype(np.intp)  # nan as 0
         return i, x - i
 
     def beta(self, psi1: Array, chi: Array) -> Array:
@@ -132,9 +132,10 @@ class Table:
         """Cubics of interval i, (..., 4): weights (4, ...) times those at the nodes of chi from `row` on."""
         n = self.nodes.shape[1]
         if row.size * n <= 2 * i.size:  # few chi: all their intervals first
-            whole: Array = sum(w[..., None, None] * self.nodes[row + k] for k, w in enumerate(weights))
-            flat = whole.reshape(-1, 4)
-            return np.asarray(flat[np.arange(row.size).reshape(row.shape) * n + i])
+            near = self.nodes.reshape(len(self.nodes), -1)[row.reshape(-1, 1) + np.arange(4)]
+            near *= weights.reshape(4, -1).T[..., None]
+            at = np.arange(row.size).reshape(row.shape) * n + i
+            return np.asarray(near.sum(axis=1).reshape(-1, 4).take(at, axis=0))
         intervals, at = self.nodes.reshape(-1, 4), row * n + i
         total: Array = intervals.take(at, axis=0) * weights[0, ..., None]
         for k in range(1, 4):

@@ -14,7 +14,7 @@ from strangers import draw
 
 from ifrfit.data import read
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, _Model
+from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, _Model, _Steps
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.multistart import multistart, starts
 from ifrfit.inference.optimize.solve import solve
@@ -216,3 +216,24 @@ def test_a_narrow_valley_is_followed_to_its_end(tmp_path):
     search = BatchedSearch.of(problem_of(read(path), separate=("e_n",)), sigma)
     found = search.run(search.lowest(starts(search.problem), NO_NOISE, 32), NO_NOISE)
     assert found.converged.mean() > 0.75
+
+
+def test_steps_that_shrink_by_one_ratio_are_summed(tmp_path, monkeypatch):
+    # residuals as large as here leave Gauss and Newton's steps two thirds of the last one each
+    path = tmp_path / "misfit.csv"
+    path.write_text(draw(0, 39).text, encoding="utf-8")
+    problem = problem_of(read(path), "maw", noise="known")
+    number = []
+    model = _Model.of.__func__
+    monkeypatch.setattr(_Model, "of", classmethod(lambda *own: number.append(0) or model(*own)))
+    found, steps = multistart(problem, problem.noise.sigma), len(number)
+    search = BatchedSearch.of(problem, problem.noise.sigma)
+    z = search.objective(found.theta[None], NO_NOISE)[1]
+    rest = _Model.of(search, found.theta[None], z, np.empty((1, 0)), np.zeros(1)).promised
+    assert rest < 1e-15
+    monkeypatch.setattr(_Steps, "factor", lambda self, which, step, unit: np.ones(len(step)))
+    number.clear()
+    plain = multistart(problem, problem.noise.sigma)
+    assert steps < 0.5 * len(number)
+    assert found.theta == pytest.approx(plain.theta, rel=1e-6)
+    assert found.objective == pytest.approx(plain.objective, abs=1e-9)

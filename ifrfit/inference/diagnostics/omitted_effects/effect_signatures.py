@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -64,14 +65,14 @@ def impacts_of(problem: Problem, theta: Array, speed: Array, radius: Array) -> I
 
 
 def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str, ...]) -> Array:
-    """Value of each row with these effects, (n,); nan where an effect leaves none.
+    """Value of each row with these effects, (..., n); nan where an effect leaves none.
 
     Every fit is in three dimensions.
     """
     outcome, mu = compose(contact, impacts, (*on, *plane_effects())), impacts.mu
-    out = np.empty(mu.size)
+    out = np.empty(mu.shape)
     for observable, at, _ in problem.rows.by_observable:
-        out[at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[at]
+        out[..., at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[..., at]
     return out
 
 
@@ -343,14 +344,9 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     nowhere = np.full(problem.rows.value.size, np.nan)
 
     def values(theta: Array, size: Array) -> Array:
-        contacts = (
-            Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=one)
-            for one in size.tolist()
-        )
-        impacts = (impacts_of(problem, one, nowhere, nowhere) for one in theta)
-        return np.stack(
-            [computed(problem, *each, ("rolling",)) for each in zip(contacts, impacts, strict=True)]
-        )
+        of_each = cast("float", size[:, None])  # theta in the place of one for all
+        contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=of_each)
+        return computed(problem, contact, impacts_of(problem, theta, nowhere, nowhere), ("rolling",))
 
     free, slowed = values(np.stack((theta, theta)), np.array([0.0, _SMALL_COUPLE]))
     change = np.nan_to_num((slowed - free) / _SMALL_COUPLE)
