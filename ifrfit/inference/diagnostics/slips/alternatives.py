@@ -21,7 +21,7 @@ _EXCHANGED = (
     ("tan_psi_after", "tan_psi_out"),
     ("psi_after_deg", "psi_out_deg"),
 )
-_SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
+SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
 _FRACTIONS = ("v_x", "v_y", "v_n", "beta_cm", "e_n", "beta", "mu_app", "beta_tot", "mu")
 # what given spins are, over the true ones
 SPIN_UNITS = {
@@ -236,7 +236,7 @@ def _of_values(table: _Table) -> Iterator[Alternative]:
         along = along[np.argsort(table.problem.rows.gamma_deg[along], kind="stable")]
         if own.size >= _FEWEST_RANKED and bool((np.diff(table.problem.rows.value[along]) >= 0.0).all()):
             yield table.meant("sorted", name, ranked=along)
-        if name in _SPEEDS:
+        if name in SPEEDS:
             yield table.meant("squared", name, squared=name)
         if name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:
             made["percent"] = (0.0, 100.0)

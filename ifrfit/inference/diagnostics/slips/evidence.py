@@ -50,8 +50,7 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
         found += _unsized(whole, alternatives(problem, other_units=of_spins))
         found += missing_values(problem, fit)
-        if explains_little(whole):
-            found += _mixed(whole)
+        found += _mixed(whole)
     if plain and 1 < len(problem.series) <= MOST_SERIES:
         found += _in_series(ComparedFit.by_series(problem, fit), sized, differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
@@ -185,14 +184,15 @@ def misfit_left(problem: Problem, fit: LeastSquaresFit, slip: Slip) -> float:
 def _mixed(whole: ComparedFit) -> list[Slip]:
     """Tables some rows of which are read in another way, where that is decisive."""
     found = []
-    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+    theta, little = whole.fit.optimum.theta, explains_little(whole)
+    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, theta, little=little):
         drop = whole.likelihood - float(whole.misfit.likelihood(after)) - penalty
         if drop <= DECISIVE:
             continue
         careful = careful_drop(whole.misfit, whole.before, after, whole.dof) - penalty
         if careful > DECISIVE:
-            name, ratio = f"mixed-{other.name}", math.exp(-0.5 * careful)
-            found.append(Slip(name, drop, ratio, observable=other.observable, rows=tuple(rows.tolist())))
+            ratio, named = math.exp(-0.5 * careful), tuple(rows.tolist())
+            found.append(Slip(other.name, drop, ratio, observable=other.observable, rows=named))
     return found
 
 
