@@ -22,6 +22,8 @@ TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
 MOST_MISSING = 5.0
 FEWEST_ALIKE = 5
+BY_CHANCE = 0.001
+BY_RANK = 0.2
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -58,6 +60,10 @@ FACTS = {
     "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
     f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
     "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
+    "unrelated_readings": "stands only where it fails: of the readings of an observable that knows the angle "
+    f"neither the law nor a smooth curve over the angle explains anything (F, p >= {BY_CHANCE:g} against the "
+    f"mean of each series), while the law's own values in the order of the readings' sizes leave less than "
+    f"{BY_RANK:g} of their scatter; looked for where no slip is found",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
     "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
     "spline, 3 degrees of freedom) and of the runs test, or of tosses of a coin where all residuals of an "

@@ -328,6 +328,13 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
         return f"spins{' after impact' if name.endswith('-after') else ''} {of}", remedy
     if name == "sign" and observable == "beta":
         return "the opposite sign in beta", "--convention beta=opposite-sign"
+    if name.startswith("shifted"):
+        side, back = ("below", "up") if name.endswith("down") else ("above", "down")
+        what, its, are = (observable, "its", "it is") if observable else ("all values", "their", "they are")
+        return (
+            f"{what} one line {side} the angle {are} of",
+            f"move {what} {back} by a line, beside {its} angle",
+        )
     parts = observable, observable.removesuffix("_deg"), name.removeprefix("meant-")
     what, remedy = (text.format(*parts) for text in _UNSIZED.get(name, _MEANT))
     return what, remedy
