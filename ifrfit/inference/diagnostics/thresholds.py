@@ -116,7 +116,8 @@ FACTS = {
         "refutes (p >= 0.01 without them)"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
-    "of all rows or of one observable (times their number); in percent where a hundredth of it leaves "
+    "of all rows, of one observable, or of some of several series where the rest scatters twice as much "
+    "(times their number); in percent where a hundredth of it leaves "
     "p >= 0.01",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
