@@ -303,15 +303,15 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     if name.startswith(("mixed-", "size-of-spin")):
         lines = list(dict.fromkeys(exclude_name(problem, i) for i in slip.rows))
         more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
-        some = f"lines ({', '.join(lines[:_MOST_LINES])}{more})"
+        where = f"lines ({', '.join(lines[:_MOST_LINES])}{more})"
         if name.startswith("size"):
-            what = f"spin_{axis} (before) without its sign, which is the other one in {some}"
+            what = f"spin_{axis} (before) without its sign, which is the other one in {where}"
             return what, f"give the spins their signs ({back})"
         if "-of-spin" in name:
-            what = f"spin_{axis} (before) of the opposite sign in some of its {some}"
+            what = f"spin_{axis} (before) of the opposite sign in some of its {where}"
             return what, f"turn the sign round in these lines ({back})"
         what, remedy = _MIXED[name]
-        return f"{observable} {what} in some of its {some}".strip(), remedy
+        return f"{observable} {what} in some of its {where}".strip(), remedy
     if name.startswith("sign-of-spin"):
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"
         columns = {"before": before, "after": after}.get(name.rpartition("-")[2], f"{before} and {after}")
