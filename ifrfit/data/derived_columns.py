@@ -89,10 +89,10 @@ def _reading(table: pd.DataFrame, used: dict[str, Array]) -> Reading:
 
 def _difference(given: Array, made: Array, is_angle: bool) -> str:
     """How readings differ from what was made of others; empty where they do not, or scatter about it."""
-    both = np.isfinite(given) & np.isfinite(made)
-    if both.sum() < _FEWEST:
+    there = np.isfinite(given) & np.isfinite(made)
+    if there.sum() < _FEWEST:
         return ""
-    given, made = given[both], made[both]
+    given, made = given[there], made[there]
     off = given - made
     typical, size = float(np.median(np.abs(off))), float(np.median(np.abs(made)))
     if typical <= _CLOSES * size:

@@ -25,7 +25,7 @@ _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
 _PERCENT, _CREDIBLE = 100.0, 0.005  # factor of a sigma in percent, and tail of chi2 with which it is one
-_APART = 2.0  # times that others scatter more over their sigma, for a series to be one of its own
+_WIDER = 2.0  # times that others scatter more over their sigma, for a series to be one of its own
 _LARGE = 30.0  # factor from which a sigma is no estimate
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 
@@ -197,7 +197,7 @@ def _narrow_alone(groups: Mapping[str, tuple[float, float]], tests: int) -> dict
         return {}
     chi2, dof = np.sum([groups[name] for name in narrow], axis=0)
     rest, rest_dof = np.sum([pair for name, pair in groups.items() if name not in narrow], axis=0)
-    return narrow if rest / rest_dof > _APART**2 * chi2 / dof else {}
+    return narrow if rest / rest_dof > _WIDER**2 * chi2 / dof else {}
 
 
 def _too_large(problem: Problem, rows: Index, r: Array, dof: float, factor: float) -> str:
