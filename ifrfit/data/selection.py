@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.derived_columns import contradictions
 from ifrfit.data.double_counting import count, double_counted, shares_e_n
 from ifrfit.data.observations import Observations, Source
 from ifrfit.errors import DataError, UsageError
@@ -100,7 +101,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
         faces = {s.name: s.descriptor.faces for s in obs.sources if s.descriptor}
         double, said = double_counted(table.iloc[left], faces, selection.observable, selection.series)
         why[left[double]] = "same impacts counted already"
-        notes.extend(said)
+        notes.extend([*said, *contradictions(table.iloc[left], double)])
     keep = why == ""
     kept = table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])

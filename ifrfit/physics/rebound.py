@@ -156,6 +156,27 @@ class Rebound:
         return _plain((self.e_n**2 - 1.0) * self.incidence.cosine**2 + tangential)
 
 
+class Reading(Rebound):
+    """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
+
+    @property
+    def contact_x(self) -> Array:
+        """Velocity of the contact point along x, from those as read."""
+        return self.v_x + self.spin_y
+
+    @property
+    def contact_y(self) -> Array:
+        """Velocity of the contact point along y, from those as read."""
+        return self.v_y + self.spin_x
+
+    @property
+    def beta(self) -> Array:
+        """Tangential restitution of the contact point, from its velocities as read."""
+        before = self.incidence
+        along = self.contact_x * before.slip_x + self.contact_y * before.slip_y
+        return ratio(-along, before.slip**2)
+
+
 def rebound_of(
     incidence: Incidence, closure: Closure, e_n: ArrayLike, c: ArrayLike, mu: ArrayLike, j: float
 ) -> Rebound:

@@ -14,6 +14,7 @@ from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, sd_text
 
 HEADLINES = {
+    "unrelated_readings": "readings do not go with the angle",
     "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",
     "global_optimum": "several sets of constants are equally good",

@@ -25,6 +25,7 @@ _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
 _PERCENT, _CREDIBLE = 100.0, 0.005  # factor of a sigma in percent, and tail of chi2 with which it is one
+_WIDER = 2.0  # times that others scatter more over their sigma, for a series to be one of its own
 _LARGE = 30.0  # factor from which a sigma is no estimate
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 
@@ -114,10 +115,17 @@ def chi2_by_observable(
     problem: Problem, fit: LeastSquaresFit, residuals: Residuals
 ) -> dict[str, tuple[float, float]]:
     """Sum of squares and degrees of freedom of rows with known sigma, by observable; of those with one."""
+    every = {name: problem.rows.rows_of(name) for name in problem.rows.names}
+    return _chi2_of_each(problem, fit, residuals, every)
+
+
+def _chi2_of_each(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals, every: Mapping[str, Index]
+) -> dict[str, tuple[float, float]]:
+    """Sum of squares and degrees of freedom of rows with known sigma, by name; of those with one."""
     found = {}
-    for name in problem.rows.names:
-        rows = problem.rows.rows_of(name)
-        rows = rows[problem.noise.is_given[rows]]
+    for name, own in every.items():
+        rows = own[problem.noise.is_given[own]]
         square = float(residuals.standardised[rows] @ residuals.standardised[rows])
         dof = rows.size - float(fit.gaussian.leverage[rows].sum())
         if dof >= 1.0:
@@ -139,16 +147,20 @@ def scatter_too_small(
 ) -> Fact | None:
     """Whether rows scatter less than their sigma says: chi2 from below; None where they do not.
 
-    Of all rows and of each observable, p times the number of tests. `advise` says whether to take sigma from
+    Of all rows, of each observable, and of each of several series, where the others scatter more; p
+    times the number of tests. `advise` says whether to take sigma from
     the scatter: where errors are alike that would be too small.
     """
     chi2, dof = chi2_of_given(problem, fit, residuals)
     each = chi2_by_observable(problem, fit, residuals)
     if dof < 1 or not each:
         return None
-    tests = 1 if len(problem.rows.names) == 1 else len(each) + 1
+    groups = problem.groups() if len(problem.series) > 1 else {}
+    of_series = _chi2_of_each(problem, fit, residuals, groups)
+    tests = len(of_series) + (1 if len(problem.rows.names) == 1 else len(each) + 1)
+    narrow_series = _narrow_alone(of_series, tests)
     alone = {name: min(1.0, tests * float(special.chdtr(dof, chi2))) for name, (chi2, dof) in each.items()}
-    p = min(1.0, tests * float(special.chdtr(dof, chi2)), *alone.values())
+    p = min([1.0, tests * float(special.chdtr(dof, chi2)), *alone.values(), *narrow_series.values()])
     if p >= REFUTED:
         return None
     narrow = [name for name in each if alone[name] < REFUTED]
@@ -158,10 +170,15 @@ def scatter_too_small(
     if 0 < len(narrow) < len(each):
         which, remedy = f"the values of {joined(narrow)}", "--noise unknown"
         chi2, dof = np.sum([each[name] for name in narrow], axis=0).tolist()
-    factor = math.sqrt(dof / max(chi2, 1e-300))
-    figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
     of = [problem.rows.names.index(name) for name in narrow or each]
     rows = np.flatnonzero(problem.noise.is_given & np.isin(problem.rows.which, of))
+    if narrow_series and {*narrow_series} != {s for s in of_series if s.rpartition("/")[2] in narrow}:
+        rows = np.concatenate([groups[name][problem.noise.is_given[groups[name]]] for name in narrow_series])
+        names = [f"{name.rpartition('/')[2]} in {name.rpartition('/')[0]}" for name in narrow_series]
+        which, remedy = f"the values of {joined(names)}", "--noise unknown"
+        chi2, dof = np.sum([of_series[name] for name in narrow_series], axis=0).tolist()
+    factor = math.sqrt(dof / max(chi2, 1e-300))
+    figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
     why = _too_large(problem, rows, residuals.standardised[rows], dof, factor)
     times = f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
     says = (
@@ -170,6 +187,17 @@ def scatter_too_small(
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
+
+
+def _narrow_alone(groups: Mapping[str, tuple[float, float]], tests: int) -> dict[str, float]:
+    """p from below, by series and observable, of those that scatter too little, the rest twice as much."""
+    p = {name: min(1.0, tests * float(special.chdtr(dof, chi2))) for name, (chi2, dof) in groups.items()}
+    narrow = {name: one for name, one in p.items() if one < REFUTED}
+    if len(narrow) in (0, len(groups)):
+        return {}
+    chi2, dof = np.sum([groups[name] for name in narrow], axis=0)
+    rest, rest_dof = np.sum([pair for name, pair in groups.items() if name not in narrow], axis=0)
+    return narrow if rest / rest_dof > _WIDER**2 * chi2 / dof else {}
 
 
 def _too_large(problem: Problem, rows: Index, r: Array, dof: float, factor: float) -> str:

@@ -34,6 +34,7 @@ from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfi
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
+from ifrfit.inference.diagnostics.unrelated_readings import unrelated_readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
@@ -51,6 +52,7 @@ _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _CAUSES = ("slips", "effects")
 # as the report tells them
 _ORDER = (
+    "unrelated_readings",
     "beyond_closure",
     "pooling",
     "prior_conflict",
@@ -86,7 +88,8 @@ class _Findings:
     facts : dict of str to Fact
         By name; a question that found nothing to say has none.
     causes : list of str
-        What explains the residuals: effects, slips, "series" that differ, a "known" value that is wrong.
+        What explains the residuals: effects, slips, "series" that differ, a "known" value that is wrong,
+        the "order" of the readings.
     """
 
     facts: dict[str, Fact]
@@ -200,6 +203,9 @@ def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, b
         so_far.withdraw("effects")
         so_far.causes = ["known"]
     so_far.tell("beyond_closure", beyond_closure(problem, found))
+    if not so_far.has_slipped and so_far.tell("unrelated_readings", unrelated_readings(problem, found)):
+        so_far.withdraw("effects", "pooling")
+        so_far.causes = ["order"]
 
 
 def _angular_momentum(problem: Problem, slips: Fact | None) -> Fact:

@@ -65,7 +65,8 @@ def scatter_too_large(
         None where sigma is not known, or something else may be the reason.
     """
     lack = found.get("lack_of_fit")
-    if not (problem.noise.is_known and problem.error_model.is_plain) or lack is None:
+    plain = problem.noise.is_known and problem.error_model.is_plain
+    if not plain or lack is None or "unrelated_readings" in found:
         return None
     chi2, dof = chi2_of_given(problem, fit, residuals)
     each = chi2_by_observable(problem, fit, residuals)

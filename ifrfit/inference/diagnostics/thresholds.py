@@ -22,6 +22,8 @@ TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
 MOST_MISSING = 5.0
 FEWEST_ALIKE = 5
+BY_CHANCE = 0.001
+BY_RANK = 0.2
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -58,6 +60,10 @@ FACTS = {
     "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
     f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
     "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
+    "unrelated_readings": "stands only where it fails: of the readings of an observable that knows the angle "
+    f"neither the law nor a smooth curve over the angle explains anything (F, p >= {BY_CHANCE:g} against the "
+    f"mean of each series), while the law's own values in the order of the readings' sizes leave less than "
+    f"{BY_RANK:g} of their scatter; looked for where no slip is found",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
     "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
     "spline, 3 degrees of freedom) and of the runs test, or of tosses of a coin where all residuals of an "
@@ -110,7 +116,8 @@ FACTS = {
         "refutes (p >= 0.01 without them)"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
-    "of all rows or of one observable (times their number); in percent where a hundredth of it leaves "
+    "of all rows, of one observable, or of some of several series where the rest scatters twice as much "
+    "(times their number); in percent where a hundredth of it leaves "
     "p >= 0.01",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
@@ -123,9 +130,10 @@ FACTS = {
     "table, another inertia factor, a constant "
     f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with "
     "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, values "
-    "sorted by themselves, exchanged columns, spins in other units, centre for contact point, 0 or one "
-    "repeated number for 'not measured'; in the table and in each of its series, p "
-    "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
+    "sorted by themselves or shifted by a line, exchanged columns, spins in other units, centre for contact "
+    "point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
+    "times their number; for signs, angles, percent, squares and spins of the other sign in some rows, too, "
+    "beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "
     f"{ALIKE:g} less, and angles have room for their offset; drifts are looked for unless the table was "
     "sorted by angle, speed or the values of an observable; what explains as much is named beside it. "

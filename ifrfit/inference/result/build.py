@@ -262,6 +262,7 @@ def _facts(
     found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
     by_hand = (
+        "unrelated_readings",
         "duplicates",
         "slips",
         "angle_scatter",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
-from factories import impacts_file, table_file
+from factories import impacts_file, rest_long, table_file
 
 from ifrfit import fit
 from ifrfit.physics import rebound
@@ -71,3 +72,55 @@ def test_sigma_of_single_readings_beside_their_means(tmp_path):
 def test_a_right_sigma_is_none(tmp_path):
     for seed in range(20):
         assert "scatter_too_small" not in fit(_table(tmp_path / "t.csv", seed=seed), method="lsq").facts
+
+
+def _of_two_series(path, seed, factors, names=("beta", "e_n"), noise=0.02):
+    """Series A and B of 30 impacts each; sigmas of an observable in a series times a factor."""
+    rng, parts = np.random.default_rng([seed, 71]), []
+    for series in "AB":
+        gamma = rng.uniform(10.0, 80.0, 30)
+        state = rebound(gamma, e_n=0.9, e_t=-0.7, mu=0.15, degrees=True)
+        for name in names:
+            value = getattr(state, name) + noise * rng.standard_normal(30)
+            setting = {"series": series, "observable": name, "gamma_deg": gamma, "value": value}
+            sigma = noise * factors.get(f"{name} in {series}", 1.0)
+            parts.append(
+                pd.DataFrame({**setting, "sigma": sigma, "impact_id": [f"{series}{i}" for i in range(30)]})
+            )
+    return table_file(path, pd.concat(parts), "%.6f")
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+@pytest.mark.parametrize("of", [("beta in A",), ("e_n in B",), ("beta in B", "e_n in B")])
+@pytest.mark.parametrize("seed", rest_long(range(5)))
+def test_sigma_of_one_series_alone(tmp_path, seed, of, noise):
+    path = _of_two_series(tmp_path / "t.csv", seed, dict.fromkeys(of, 100.0), noise=noise)
+    says = fit(path, method="lsq").facts["scatter_too_small"].says
+    assert says.startswith(f"the values of {' and '.join(of)} scatter ")
+    assert "sigma looks as if it were in percent: divide it by 100" in says
+
+
+@pytest.mark.parametrize("of", ["A", "B"])
+@pytest.mark.parametrize("seed", rest_long(range(5)))
+def test_sigma_of_one_series_of_one_observable(tmp_path, seed, of):
+    path = _of_two_series(tmp_path / "t.csv", seed, {f"beta in {of}": 100.0}, ("beta",))
+    says = fit(path, method="lsq", fix={"e_n": 0.9}).facts["scatter_too_small"].says
+    assert says.startswith(f"the values of beta in {of} scatter ")
+
+
+@pytest.mark.parametrize("seed", rest_long(range(5)))
+def test_a_sigma_of_all_series_is_named_once(tmp_path, seed):
+    whole = {f"{name} in {series}": 100.0 for name in ("beta", "e_n") for series in "AB"}
+    says = fit(_of_two_series(tmp_path / "t.csv", seed, whole), method="lsq").facts["scatter_too_small"].says
+    assert says.startswith("the values scatter ")
+    of_beta = {name: x for name, x in whole.items() if name.startswith("beta")}
+    says = (
+        fit(_of_two_series(tmp_path / "u.csv", seed, of_beta), method="lsq").facts["scatter_too_small"].says
+    )
+    assert says.startswith("the values of beta scatter ")
+
+
+@pytest.mark.parametrize("seed", rest_long(range(40), 5))
+def test_sigmas_of_series_that_are_right(tmp_path, seed):
+    """Control."""
+    assert "scatter_too_small" not in fit(_of_two_series(tmp_path / "t.csv", seed, {}), method="lsq").facts

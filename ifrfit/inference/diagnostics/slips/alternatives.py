@@ -21,7 +21,7 @@ _EXCHANGED = (
     ("tan_psi_after", "tan_psi_out"),
     ("psi_after_deg", "psi_out_deg"),
 )
-_SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
+SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
 _FRACTIONS = ("v_x", "v_y", "v_n", "beta_cm", "e_n", "beta", "mu_app", "beta_tot", "mu")
 # what given spins are, over the true ones
 SPIN_UNITS = {
@@ -93,11 +93,12 @@ class Alternative:
 
 
 def alternatives(
-    problem: Problem, series: int | None = None, *, other_units: bool = True
+    problem: Problem, series: int | None = None, *, other_units: bool = True, shifted: bool = True
 ) -> Iterator[Alternative]:
     """Every table that these rows, or those of one series, could have been meant as.
 
-    `other_units` asks for those of spins, too, which the scale of spins shows first.
+    `other_units` asks for those of spins, too, which the scale of spins shows first; `shifted` for columns
+    that are shifted by a line, which leave the law little to explain.
     """
     n = len(problem.rows)
     of = np.ones(n, dtype=bool) if series is None else problem.rows.series == series
@@ -108,6 +109,15 @@ def alternatives(
     yield from _of_angles(table)
     yield from _of_values(table)
     yield from _of_names(table)
+    if shifted:
+        yield from _of_shifts(table)
+
+
+def in_any_order(problem: Problem, observable: str) -> Alternative:
+    """Values of an observable beside angles that are not theirs: those of the law, by rank."""
+    rows = problem.rows.rows_of(observable)
+    table = _Table(problem, np.ones(len(problem.rows), dtype=bool), "")
+    return table.meant("sorted", observable, ranked=rows[np.argsort(problem.rows.value[rows], kind="stable")])
 
 
 @dataclass(frozen=True)
@@ -232,11 +242,10 @@ def _of_values(table: _Table) -> Iterator[Alternative]:
                 made["sign"] = (0.0, -1.0)
             if bool((own >= 0.0).all()):
                 yield table.meant("size", name, folded=name)
-        along = table.rows_of(name)
-        along = along[np.argsort(table.problem.rows.gamma_deg[along], kind="stable")]
-        if own.size >= _FEWEST_RANKED and bool((np.diff(table.problem.rows.value[along]) >= 0.0).all()):
-            yield table.meant("sorted", name, ranked=along)
-        if name in _SPEEDS:
+        by_angle = own[np.argsort(table.problem.rows.gamma_deg[table.rows_of(name)], kind="stable")]
+        if own.size >= _FEWEST_RANKED and (_is_monotone(own) or _is_monotone(by_angle)):
+            yield table.meant("sorted", name, ranked=table.rows_of(name)[np.argsort(own, kind="stable")])
+        if name in SPEEDS:
             yield table.meant("squared", name, squared=name)
         if name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:
             made["percent"] = (0.0, 100.0)
@@ -246,6 +255,27 @@ def _of_values(table: _Table) -> Iterator[Alternative]:
             made["from-wall"] = (90.0, -1.0)
         for kind, numbers in made.items():
             yield table.meant(kind, name, values={name: numbers})
+
+
+def _is_monotone(value: Array) -> bool:
+    """Whether values never fall, or never rise."""
+    step = np.diff(value)
+    return bool((step >= 0.0).all() or (step <= 0.0).all())
+
+
+def _of_shifts(table: _Table) -> Iterator[Alternative]:
+    """Values, of all observables or of one, that stand a line below or above their angle and spin."""
+    rows, angled = table.problem.rows, [n for n in table.names if OBSERVABLES[n].has_angle]
+    for name in ("", *(angled if len(angled) > 1 else ())):
+        for word, by in (("down", 1), ("up", -1)):
+            at = np.arange(len(rows))
+            for one in (name,) if name else angled:
+                own = table.rows_of(one)
+                for series in np.unique(rows.series[own]):
+                    here = own[rows.series[own] == series]
+                    at[here] = np.roll(here, by)
+            of = name or (angled[0] if len(angled) == 1 else "")
+            yield table.meant(f"shifted-{word}", of, incidence=rows.incidence.take(at))
 
 
 def _of_names(table: _Table) -> Iterator[Alternative]:

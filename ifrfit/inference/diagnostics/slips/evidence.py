@@ -48,10 +48,10 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
-        found += _unsized(whole, alternatives(problem, other_units=of_spins))
+        shifted = explains_little(whole)
+        found += _unsized(whole, alternatives(problem, other_units=of_spins, shifted=shifted))
         found += missing_values(problem, fit)
-        if explains_little(whole):
-            found += _mixed(whole)
+        found += _mixed(whole)
     if plain and 1 < len(problem.series) <= MOST_SERIES:
         found += _in_series(ComparedFit.by_series(problem, fit), sized, differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
@@ -185,14 +185,17 @@ def misfit_left(problem: Problem, fit: LeastSquaresFit, slip: Slip) -> float:
 def _mixed(whole: ComparedFit) -> list[Slip]:
     """Tables some rows of which are read in another way, where that is decisive."""
     found = []
-    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+    theta, little = whole.fit.optimum.theta, explains_little(whole)
+    for other, rows, after, penalty in mixed_readings(whole.problem, whole.misfit, theta, little=little):
         drop = whole.likelihood - float(whole.misfit.likelihood(after)) - penalty
-        if drop <= DECISIVE:
+        # of two angles, or two signs, one suits many a value that goes with none
+        chosen = other.name != "mixed-squared" and explains_little(whole, after)
+        if drop <= DECISIVE or chosen:
             continue
         careful = careful_drop(whole.misfit, whole.before, after, whole.dof) - penalty
         if careful > DECISIVE:
-            name, ratio = f"mixed-{other.name}", math.exp(-0.5 * careful)
-            found.append(Slip(name, drop, ratio, observable=other.observable, rows=tuple(rows.tolist())))
+            ratio, named = math.exp(-0.5 * careful), tuple(rows.tolist())
+            found.append(Slip(other.name, drop, ratio, observable=other.observable, rows=named))
     return found
 
 
@@ -248,9 +251,12 @@ def _sigma_by_series(whole: ComparedFit) -> Array:
     return sigma
 
 
-def explains_little(whole: ComparedFit) -> bool:
-    """Whether residuals of an observable that knows the closure scatter nearly as its values do."""
-    rows, residual = whole.problem.rows, whole.residual
+def explains_little(whole: ComparedFit, left: Array | None = None) -> bool:
+    """Whether residuals of an observable that knows the closure scatter nearly as its values do.
+
+    These are those of the fit, or those that are `left` by something else.
+    """
+    rows, residual = whole.problem.rows, whole.residual if left is None else left
     for observable in rows.observables:
         own = rows.rows_of(observable.name)
         if observable.kind in OBLIQUE and own.size:

@@ -131,6 +131,10 @@ _UNSIZED = {
 _MEANT = ("{2} in the column of {0}", "--convention column:{2}={0}")
 _MIXED = {
     "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
+    "mixed-squared": (
+        "as a ratio of energies or heights",
+        "take the square root of the values of these lines",
+    ),
     "mixed-percent": ("in percent", "divide the values of these lines by 100"),
     "mixed-angle-from-wall": (
         "angles from the wall beside angles from the normal",
@@ -294,17 +298,23 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             f"({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
-    if name.startswith("mixed-"):
-        what, remedy = _MIXED[name]
+    axis = "x" if "-x" in name else "y"
+    back = "positive is back-spin" if axis == "y" else "positive is minus the right-handed one"
+    if name.startswith(("mixed-", "size-of-spin")):
         lines = list(dict.fromkeys(exclude_name(problem, i) for i in slip.rows))
         more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
-        of = f"{observable} " if observable else ""
-        return f"{of}{what} in some of its lines ({', '.join(lines[:_MOST_LINES])}{more})", remedy
+        where = f"lines ({', '.join(lines[:_MOST_LINES])}{more})"
+        if name.startswith("size"):
+            what = f"spin_{axis} (before) without its sign, which is the other one in {where}"
+            return what, f"give the spins their signs ({back})"
+        if "-of-spin" in name:
+            what = f"spin_{axis} (before) of the opposite sign in some of its {where}"
+            return what, f"turn the sign round in these lines ({back})"
+        what, remedy = _MIXED[name]
+        return f"{observable} {what} in some of its {where}".strip(), remedy
     if name.startswith("sign-of-spin"):
-        axis = "x" if "-x" in name else "y"
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"
         columns = {"before": before, "after": after}.get(name.rpartition("-")[2], f"{before} and {after}")
-        back = "positive is back-spin" if axis == "y" else "positive is minus the right-handed one"
         return f"the opposite sign in {columns}", f"turn the sign round in these columns ({back})"
     if name == "angle-from-wall":
         read = any("read as the angle from the wall" in note for note in problem.observations.notes)
@@ -318,6 +328,13 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
         return f"spins{' after impact' if name.endswith('-after') else ''} {of}", remedy
     if name == "sign" and observable == "beta":
         return "the opposite sign in beta", "--convention beta=opposite-sign"
+    if name.startswith("shifted"):
+        side, back = ("below", "up") if name.endswith("down") else ("above", "down")
+        what, its, are = (observable, "its", "it is") if observable else ("all values", "their", "they are")
+        return (
+            f"{what} one line {side} the angle {are} of",
+            f"move {what} {back} by a line, beside {its} angle",
+        )
     parts = observable, observable.removesuffix("_deg"), name.removeprefix("meant-")
     what, remedy = (text.format(*parts) for text in _UNSIZED.get(name, _MEANT))
     return what, remedy

@@ -13,7 +13,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
-from ifrfit.physics.rebound import Rebound, rebound_with
+from ifrfit.physics.rebound import Reading, Rebound, rebound_with
 
 Size = float | Array
 _STEP = 1e-5  # of derivatives, in the unit of the size
@@ -64,28 +64,6 @@ class Flaw:
     constant_spin: Size = 0.0
     rolled: Size = 0.0
     spin_zero: Size = 0.0
-
-
-class Reading(Rebound):
-    """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
-
-    @property
-    def contact_x(self) -> Array:
-        """Velocity of the contact point along x, from those as read."""
-        return self.v_x + self.spin_y
-
-    @property
-    def contact_y(self) -> Array:
-        """Velocity of the contact point along y, from those as read."""
-        return self.v_y + self.spin_x
-
-    @property
-    def beta(self) -> Array:
-        """Tangential restitution of the contact point, from its velocities as read."""
-        before = self.incidence
-        along = self.contact_x * before.slip_x + self.contact_y * before.slip_y
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.where(before.slip == 0.0, np.nan, -along / before.slip**2))
 
 
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:

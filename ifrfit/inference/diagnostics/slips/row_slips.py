@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from ifrfit.inference.diagnostics.slips.alternatives import SPEEDS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, starts
 from ifrfit.inference.diagnostics.thresholds import REFUTED
@@ -31,6 +32,7 @@ _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
 _FEWEST_LEFT = 6  # rows of the observable beside them
 _REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _NEIGHBOUR = 1.5  # steps of the readings up to which two of them are neighbours
+_COMFORTABLE = 0.01  # p of one mean of all rows, once some are read in the other way
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 
 
@@ -38,7 +40,8 @@ _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not me
 class OtherReading:
     """Another reading: what its rows then are, and which rows could be meant so.
 
-    `observable` is empty where angles of incidence are; `factor` is the change of unit.
+    `observable` is empty where angles of incidence or spins before impact are; `factor` is the slope of the
+    given value in the one that is meant, `spin` the two spins before impact over those given.
     """
 
     name: str
@@ -46,12 +49,18 @@ class OtherReading:
     possible: Bool
     value: Array
     gamma: Array
-    factor: float = 1.0
+    factor: float | Array = 1.0
+    spin: tuple[float, float] = (1.0, 1.0)
+    most: float = _MOST_SHARE
     gain: float = _GAIN  # in chi2, by which it is the better one
+
+    def change_of_unit(self, at: Bool) -> float:
+        """What it adds to -2 log likelihood where some rows are read so."""
+        return 2.0 * float(np.log(np.broadcast_to(self.factor, at.shape)[at]).sum())
 
 
 def mixed_readings(
-    problem: Problem, misfit: Misfit, theta: Array
+    problem: Problem, misfit: Misfit, theta: Array, *, little: bool = True
 ) -> Iterator[tuple[OtherReading, Index, Array, float]]:
     """Choose between two readings impact by impact, and fit the constants, in turns.
 
@@ -65,6 +74,8 @@ def mixed_readings(
     misfit : Misfit
     theta : ndarray, (p,)
         Constants of the fit.
+    little : bool
+        Whether the law explains little: else only what could hide beside it is looked for.
 
     Yields
     ------
@@ -76,10 +87,30 @@ def mixed_readings(
     penalty : float
         Of -2 log likelihood: the choice between two readings, 2 log 2 an impact, and the change of unit.
     """
-    for reading in _readings(problem):
+    for reading in (*_hidden(problem), *(_readings(problem) if little else ())):
         found = _classified(problem, misfit, theta, reading)
         if found is not None:
             yield reading, *found
+
+
+def _hidden(problem: Problem) -> Iterator[OtherReading]:
+    """Those that leave the law much to explain: spins before impact, and e_n, which is one number."""
+    rows = problem.rows
+    value, gamma, i = rows.value, rows.gamma_deg, rows.incidence
+    for axis, spin, turned in (("y", i.spin_y, (1.0, -1.0)), ("x", i.spin_x, (-1.0, 1.0))):
+        spinning = (spin != 0.0) & rows.is_oblique
+        if np.unique(rows.impacts[spinning]).size >= _FEWEST_OF_KIND:
+            sizes = bool((spin[spinning] > 0.0).all() or (spin[spinning] < 0.0).all())
+            name = f"{'size' if sizes else 'mixed-sign'}-of-spin-{axis}-before"
+            yield OtherReading(
+                name, "", spinning, value, gamma, spin=turned, most=1.0 if sizes else _MOST_SHARE
+            )
+    for name in SPEEDS:
+        own = rows.which == rows.names.index(name) if name in rows.names else np.zeros(len(rows), dtype=bool)
+        if own.any() and bool((value[own] > 0.0).all()):
+            root = np.sqrt(np.where(own, value, 1.0))
+            gain = 2.0 * float(np.log(2.0 * np.median(root[own])))
+            yield OtherReading("mixed-squared", name, own, root, gamma, 2.0 * root, gain=gain)
 
 
 def _readings(problem: Problem) -> Iterator[OtherReading]:
@@ -88,15 +119,20 @@ def _readings(problem: Problem) -> Iterator[OtherReading]:
     for observable in rows.observables:
         own = rows.which == rows.names.index(observable.name)
         if observable.low < 0.0 and observable.kind in OBLIQUE:
-            yield OtherReading("sign", observable.name, own, -value, gamma)
+            yield OtherReading("mixed-sign", observable.name, own, -value, gamma)
         if observable.name in _FRACTIONS and int((np.abs(value[own]) > _TALL).sum()) >= _FEWEST_OF_KIND:
-            yield OtherReading("percent", observable.name, own, value / 100.0, gamma, 100.0)
+            yield OtherReading("mixed-percent", observable.name, own, value / 100.0, gamma, 100.0)
     if rows.has_angle.any():
-        yield OtherReading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
+        yield OtherReading("mixed-angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
         small = rows.has_angle & (gamma <= 0.5 * math.pi)
         if int(small.sum()) >= _FEWEST_OF_KIND:
             yield OtherReading(
-                "angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma), gain=_LOSS
+                "mixed-angle-in-radians",
+                "",
+                small,
+                value,
+                np.where(small, np.degrees(gamma), gamma),
+                gain=_LOSS,
             )
 
 
@@ -104,7 +140,8 @@ def _read(problem: Problem, reading: OtherReading, at: Bool) -> Problem:
     """The question with some rows read in the other way."""
     rows = problem.rows
     gamma = np.clip(np.where(at, reading.gamma, rows.gamma_deg), 0.0, 90.0)
-    incidence = Incidence.of(gamma, rows.incidence.spin_x, rows.incidence.spin_y, degrees=True)
+    spins = zip(reading.spin, (rows.incidence.spin_x, rows.incidence.spin_y), strict=True)
+    incidence = Incidence.of(gamma, *(np.where(at, by * spin, spin) for by, spin in spins), degrees=True)
     value = np.where(at, reading.value, rows.value)
     return replace(
         problem, rows=replace(rows, incidence=incidence, tau=incidence.tau, gamma_deg=gamma, value=value)
@@ -128,15 +165,30 @@ def _classified(
     for start in every[order[:_STARTS]]:
         sigma = misfit.sigma(nearer(start[None])[0])
         at, residual = _divided(problem, other, misfit, reading, start, sigma)
-        far = float(misfit.likelihood(residual)) + 2.0 * int(at.sum()) * math.log(reading.factor)
-        if _FEWEST_OF_KIND <= at.sum() <= _MOST_SHARE * len(problem.rows) and (best is None or far < best[0]):
+        far = float(misfit.likelihood(residual)) + reading.change_of_unit(at)
+        if _FEWEST_OF_KIND <= at.sum() <= reading.most * len(problem.rows) and (
+            best is None or far < best[0]
+        ):
             best = far, at, residual
     if best is None:
         return None
     _, at, residual = best
+    if reading.name == "mixed-squared" and _of_two_levels(residual, reading.possible, at):
+        return None
     choices = np.unique(problem.rows.impacts[reading.possible]).size
-    penalty = 2.0 * choices * math.log(2.0) + 2.0 * int(at.sum()) * math.log(reading.factor)
+    penalty = 2.0 * choices * math.log(2.0) + reading.change_of_unit(at)
     return np.flatnonzero(at), residual, penalty
+
+
+def _of_two_levels(residual: Array, own: Bool, at: Bool) -> bool:
+    """Whether what was read in two ways has two means all the same: e_n of two balls is no square."""
+    one, other = residual[own & at], residual[own & ~at]
+    if min(one.size, other.size) < _FEWEST_OF_KIND:
+        return True
+    dof = one.size + other.size - 2
+    pooled = float((one.var() * one.size + other.var() * other.size) / dof)
+    t = abs(float(one.mean() - other.mean())) / math.sqrt(pooled * (1.0 / one.size + 1.0 / other.size))
+    return 2.0 * float(special.stdtr(dof, -t)) < _COMFORTABLE
 
 
 def _divided(
