@@ -27,6 +27,7 @@ from ifrfit.physics.compliance.law import chi_range
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _OF_STICKING = "sticking-law"
+_RARE = ("incoming-spin", "incoming-roll")
 _LIKE_STICKING = ("inertia-factor", "incoming-roll")
 
 
@@ -120,7 +121,8 @@ def slips_first(
         rest = {"effects": again}
     named = named_slips(slips, max(found.values(), default=0.0))
     left = {slip: misfit_left(problem, fit, slip) for slip in named}
-    named.sort(key=lambda slip: left[slip] < REFUTED)  # one that explains all stands before look-alikes
+    # one that explains all stands before look-alikes, and the zero of an angle before spin that nobody saw
+    named.sort(key=lambda slip: (left[slip] < REFUTED, slip.name in _RARE))
     figures: dict[str, object] = {
         "called": [_key(slip) for slip in named],
         "tests": {_key(slip): _figures(slip) for slip in slips},

@@ -27,6 +27,7 @@ from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 LARGEST = 4.5  # prior standard deviations of a size
+_FIXED = 0.2  # by which a constant that was fixed may be off
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
 _OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
@@ -166,11 +167,16 @@ class ComparedFit:
     ) -> tuple[float, Array]:
         """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
-        Priors of the user take part in the search, and what it moves away from them counts against it. At
-        sizes that are `likely` the constants are looked for all over the domain.
+        Priors of the user take part in the search, fixed constants as wide ones, and what it moves away from
+        them counts against it. At sizes that are `likely` the constants are looked for all over the domain.
         """
         problem, theta = self.problem, self.fit.optimum.theta
-        known = problem.parameters.prior_residuals
+        fixed = ~problem.parameters.free
+
+        def known(theta: Array) -> Array:
+            moved = (theta[..., fixed] - problem.parameters.fixed[fixed]) / _FIXED
+            return np.concatenate((problem.parameters.prior_residuals(theta), moved), axis=-1)
+
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
         before = known(theta)
