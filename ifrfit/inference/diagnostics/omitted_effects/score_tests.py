@@ -258,6 +258,7 @@ def _figures(one: Score) -> dict[str, float]:
 def best_of(significant: Sequence[Score]) -> list[Score]:
     """The direction that takes most of the misfit, and those that take about as much.
 
+    A trend of the sticking constant stands behind another constant law; compliance is one by itself.
     The two laws e_n(v) have nearly the same shape and differ by their size: where e_n is known, the one
     whose own size fits worse falls out.
     """
@@ -265,6 +266,11 @@ def best_of(significant: Sequence[Score]) -> list[Score]:
         return []
     top = max(one.drop for one in significant)
     near = sorted((one for one in significant if one.drop >= top - ALIKE), key=lambda one: -one.drop)
+    names = {one.direction.name for one in near}
+    if "compliance" in names:
+        near = [one for one in near if one.direction.name != "sticking-by-angle"]
+    elif "sticking-law" in names:
+        near.sort(key=lambda one: one.direction.name == "sticking-by-angle")
     laws = [one for one in near if one.direction.name in LAWS and one.direction.whole]
     best = max((one.drop_whole for one in laws), default=0.0)
     return [one for one in near if one not in laws or one.drop_whole >= best - ALIKE]
