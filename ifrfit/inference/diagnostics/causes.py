@@ -150,9 +150,10 @@ def slips_first(
 def _fitted_effects(
     problem: Problem, fit: LeastSquaresFit, scores: Mapping[str, Score], *, decisive: bool
 ) -> dict[str, Score]:
-    """Effects with their falls of -2 log likelihood as slips have them, where these are to be compared.
+    """Effects with their falls of -2 log likelihood and their sizes, as slips have them.
 
-    That is beside a slip that is `decisive`, or where an effect shows that is none to first order.
+    That is where they show, be it beyond first order alone; these are looked for beside a slip that is
+    `decisive`, too.
     """
     suspicious = [name for name, one in scores.items() if one.p < REFUTED]
     found: dict[str, Score] = {}
@@ -160,7 +161,7 @@ def _fitted_effects(
         likely = (name for name, one in scores.items() if one.direction.likely and name not in suspicious)
         found = {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in likely}
         found = {name: one for name, one in found.items() if one.p < REFUTED}
-    if decisive or found:
+    if suspicious:
         found |= {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in suspicious}
     return found
 

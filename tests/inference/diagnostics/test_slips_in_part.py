@@ -95,6 +95,9 @@ def test_rolling_friction_that_stops_spins_is_no_opposite_sign(tmp_path, seed, m
     assert facts["slips"].ok, facts["slips"].says
     called = facts["effects"].figures["called"]
     assert called == ["rolling"] or (seed == ALIKE_BY_CHANCE and "compliance" in called)
+    found = facts["effects"].figures["tests"]["rolling"]
+    assert abs(found["strength"] - 0.05) < max(4.0 * found["sd"], 0.002)
+    assert found["sd"] < 0.003
 
 
 @pytest.mark.parametrize("names", [("v_x", "spin_y_after"), ("beta_cm",)])

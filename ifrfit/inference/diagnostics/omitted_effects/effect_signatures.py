@@ -300,8 +300,9 @@ def _of_speed(
             if direction is not None:
                 yield direction
         # e_n^2 falls by (V_s/V)^2: per V_s^2
-        less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
-        yield Direction("adhesion", by_e_n * less)
+        towards = np.where(coming, normal, np.inf)
+        less = -0.5 / (np.maximum(e_n, _LOWEST) * towards**2)
+        yield Direction("adhesion", by_e_n * less, values=partial(_adhering, problem, towards))
     by_mu = jacobian[row, places["mu"][problem.rows.series]]
     # the normal speed of impacts of one speed is as the cosine of the angle
     load = normal if coming.all() else i.cosine
@@ -322,6 +323,14 @@ def _by_angle(problem: Problem, rise: Array, theta: Array, strength: Array) -> A
     """Value of each row with e_n larger by strengths times a rise, (m, n)."""
     e_n, c, mu = problem.per_row(theta)
     e_n = np.maximum(e_n + strength[:, None] * rise, 0.0)
+    k, _ = problem.impulse(e_n, c, mu)
+    return problem.values_with(k, e_n, mu)
+
+
+def _adhering(problem: Problem, normal: Array, theta: Array, strength: Array) -> Array:
+    """Value of each row with e_n^2 smaller by strengths over the squares of normal speeds, (m, n)."""
+    e_n, c, mu = problem.per_row(theta)
+    e_n = np.sqrt(np.maximum(e_n**2 - strength[:, None] / normal**2, 0.0))
     k, _ = problem.impulse(e_n, c, mu)
     return problem.values_with(k, e_n, mu)
 

@@ -220,7 +220,7 @@ class ComparedFit:
 
 
 def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: int) -> Score:
-    """A score with the fall of -2 log likelihood of its effect, fitted as a slip is.
+    """A score with the fall of -2 log likelihood of its effect, and its size, fitted as a slip is.
 
     Where the test of first order saw nothing of an effect that is no line, the fit makes it, times `count`.
     """
@@ -232,14 +232,19 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
 
     values = direction.values or along
     drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
-    if score.p < REFUTED or drop <= 0.0:
+    if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
+    size, n = float(x[-1]), problem.rows.value.size
+    # the square of size over sd: where noises are unknown, over the scatter that is left
+    square = whole.dof * math.expm1(drop / n) if whole.misfit.groups else drop
+    sd = abs(size) / math.sqrt(square)
+    if score.p < REFUTED:
+        return replace(score, drop=drop, strength=size, sd=sd)
     after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
     careful = max(careful_drop(whole.misfit, whole.before, after, whole.dof), 0.0)
-    p, size = min(1.0, count * float(special.chdtrc(1, careful))), float(x[-1])
+    p = min(1.0, count * float(special.chdtrc(1, careful)))
     moved = ((whole.before - after) / fit.sigma) ** 2
-    sd, weight = abs(size) / math.sqrt(drop), moved / moved.sum()
-    return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=weight, chi2=None)
+    return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=moved / moved.sum(), chi2=None)
 
 
 def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:
