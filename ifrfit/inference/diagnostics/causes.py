@@ -27,6 +27,7 @@ from ifrfit.physics.compliance.law import chi_range
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _OF_STICKING = "sticking-law"
+_RARE = ("incoming-spin", "incoming-roll")
 _LIKE_STICKING = ("inertia-factor", "incoming-roll")
 
 
@@ -120,7 +121,8 @@ def slips_first(
         rest = {"effects": again}
     named = named_slips(slips, max(found.values(), default=0.0))
     left = {slip: misfit_left(problem, fit, slip) for slip in named}
-    named.sort(key=lambda slip: left[slip] < REFUTED)  # one that explains all stands before look-alikes
+    # one that explains all stands before look-alikes, and the zero of an angle before spin that nobody saw
+    named.sort(key=lambda slip: (left[slip] < REFUTED, slip.name in _RARE))
     figures: dict[str, object] = {
         "called": [_key(slip) for slip in named],
         "tests": {_key(slip): _figures(slip) for slip in slips},
@@ -148,9 +150,10 @@ def slips_first(
 def _fitted_effects(
     problem: Problem, fit: LeastSquaresFit, scores: Mapping[str, Score], *, decisive: bool
 ) -> dict[str, Score]:
-    """Effects with their falls of -2 log likelihood as slips have them, where these are to be compared.
+    """Effects with their falls of -2 log likelihood and their sizes, as slips have them.
 
-    That is beside a slip that is `decisive`, or where an effect shows that is none to first order.
+    That is where they show, be it beyond first order alone; these are looked for beside a slip that is
+    `decisive`, too.
     """
     suspicious = [name for name, one in scores.items() if one.p < REFUTED]
     found: dict[str, Score] = {}
@@ -158,7 +161,7 @@ def _fitted_effects(
         likely = (name for name, one in scores.items() if one.direction.likely and name not in suspicious)
         found = {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in likely}
         found = {name: one for name, one in found.items() if one.p < REFUTED}
-    if decisive or found:
+    if suspicious:
         found |= {name: fitted_effect(problem, fit, scores[name], len(scores)) for name in suspicious}
     return found
 

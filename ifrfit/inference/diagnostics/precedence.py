@@ -43,7 +43,7 @@ from ifrfit.text import p_text
 _TREND = "restitution-by-angle"
 _OF_RESTITUTION = {*LAWS, _TREND}
 _OF_MOMENTUM = "inertia-factor"
-_BY_ANGLE = ["friction-by-load"]  # a cause that goes with the angle, as repeats at one setting do
+_BY_ANGLE = {"friction-by-load", "sticking-by-angle"}  # causes that go with it, as repeats at one setting do
 # findings that leave no residuals for which only impacts of two kinds or a cut would be a reason
 _MISFIT = ("lack_of_fit", "repeats", "beyond_closure", "normal_restitution", "unequal_noise")
 _OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentum", "repeated_number")
@@ -155,10 +155,10 @@ def misfit_facts(
         so_far.tell("repeated_number", repeated_number(problem))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
     # a law that misses something is no reason to doubt the repeats, but for one that goes with the angle
-    doubted = not so_far.causes or so_far.causes == _BY_ANGLE
+    doubted = _BY_ANGLE.issuperset(so_far.causes)
     if doubted and not so_far.fails("beyond_closure"):
         fails = so_far.tell("repeats", settings_scatter(problem, found, residuals))
-        if fails and so_far.causes == _BY_ANGLE:
+        if fails and so_far.causes:
             so_far.withdraw("effects")
             so_far.causes = []
     # microslip is no remedy where something else is called for

@@ -122,12 +122,13 @@ FACTS = {
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
-    "sticking, sliding, friction and restitution and of another inertia factor, which may be mistaken for "
-    "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
+    "sticking, sliding, friction and restitution, of a constant of sticking that changes with the angle and "
+    "of another inertia factor, which may be mistaken for them; named is the largest fall of -2 log "
+    "likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
-    "along the wall, of spins and of values whose largest is exactly 1, spin before that is not in the "
-    "table, another inertia factor, a constant "
+    "along the wall, of spins and of values whose largest is exactly 1, velocities as they were above the "
+    "wall, spin before that is not in the table, another inertia factor, a constant "
     f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with "
     "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, values "
     "sorted by themselves or shifted by a line, exchanged columns, spins in other units, centre for contact "

@@ -301,6 +301,7 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
         factor = float(np.median(_with_plain_errors(plain).sigma / base))
     law, nu = problem.error_model.law, problem.error_model.dof
     sigma, change = base * factor, math.inf
+    before: Array | None = None
     found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
     for _ in range(_REWEIGHTINGS):
         theta = found.optimum.theta
@@ -312,8 +313,11 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
             wide = _effective_sigma(problem, theta, factor)
         new = wide / np.sqrt(weight)
-        change = float(np.abs(new / sigma - 1.0).max())
-        sigma = new
+        step = np.log(new / sigma)
+        change = float(np.abs(np.expm1(step)).max())
+        ahead = None if before is None else _end_of_steps(before, step)
+        before = step if ahead is None else None
+        sigma = new if ahead is None or change <= _WEIGHTS_CONVERGED else new * np.exp(ahead)
         found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
         if change <= _WEIGHTS_CONVERGED:
             break

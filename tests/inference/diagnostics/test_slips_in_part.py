@@ -95,6 +95,9 @@ def test_rolling_friction_that_stops_spins_is_no_opposite_sign(tmp_path, seed, m
     assert facts["slips"].ok, facts["slips"].says
     called = facts["effects"].figures["called"]
     assert called == ["rolling"] or (seed == ALIKE_BY_CHANCE and "compliance" in called)
+    found = facts["effects"].figures["tests"]["rolling"]
+    assert abs(found["strength"] - 0.05) < max(4.0 * found["sd"], 0.002)
+    assert found["sd"] < 0.003
 
 
 @pytest.mark.parametrize("names", [("v_x", "spin_y_after"), ("beta_cm",)])
@@ -108,6 +111,20 @@ def test_a_turned_camera_is_named_beside_drop_tests(tmp_path, seed, turn, names)
     called = slips.figures["called"]
     by_chance = seed == ALIKE_BY_CHANCE and names == ("beta_cm",) and called[0] == "incoming-spin"
     assert "camera-turn" in called[: 1 if names[0] == "v_x" else 2] or by_chance, slips.says
+
+
+@pytest.mark.parametrize("names", [("v_x",), ("beta_cm",)])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("noise", rest_long((0.003, 0.006)))
+@pytest.mark.parametrize("seed", rest_long(range(8), 6))
+def test_a_turned_camera_stands_before_spin_where_e_n_is_fixed(tmp_path, seed, noise, turn, names):
+    """The search of a slip keeps to a fixed e_n, within 0.2; spin before that nobody saw is rarer."""
+    rng, gamma = angles(seed)
+    path = measured(tmp_path, rng, gamma, as_read(gamma, names, turn=turn), noise)
+    slips = fit(path, method="lsq", fix={"e_n": 0.9}).facts["slips"]
+    called = slips.figures["called"]
+    by_chance = seed == ALIKE_BY_CHANCE and noise > 0.005 and called[0] == "incoming-spin"
+    assert (called[0] in ("camera-turn", "angle-offset") and "camera-turn" in called) or by_chance, slips.says
 
 
 @pytest.mark.parametrize("names", [("v_x", "v_n", "spin_y_after"), ("beta_cm", "spin_y_after")])

@@ -109,9 +109,9 @@ def test_without_speeds_nothing_is_said_of_them(problem):
     table = problem.observations.table
     table["speed_m_s"] = np.nan
     still = replace(problem, observations=replace(problem.observations, table=table))
-    without = {"compliance", "sticking-law", "rolling", "inertia-factor", "restitution-by-angle"}
+    without = {"compliance", "sticking-law", "sticking-by-angle", "rolling", "inertia-factor"}
     # of impacts of one speed the normal speed goes as the cosine of the angle
-    assert set(by_name(still, theta)) == without | {"friction-by-load"}
+    assert set(by_name(still, theta)) == without | {"restitution-by-angle", "friction-by-load"}
 
 
 def test_a_hollow_ball_has_no_hertzian_law(make):

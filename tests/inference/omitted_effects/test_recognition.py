@@ -95,7 +95,8 @@ def test_a_constant_of_another_closure_is_no_effect(make, known):
         moved = type(data)(table, data.sources, ())
         noise = "known" if known else "unknown"
         ifr = fit(moved, method="lsq", noise=noise, **FIXED).facts["effects"]
-        assert ifr.figures["called"] == ["sticking-law"]
+        assert ifr.figures["called"][0] == "sticking-law"
+        assert set(ifr.figures["called"]) <= {"sticking-law", "sticking-by-angle"}
         assert "another constant law of sticking" in ifr.says
         assert fit(moved, method="lsq", noise=noise, closure="fr", **FIXED).facts["effects"].ok
 

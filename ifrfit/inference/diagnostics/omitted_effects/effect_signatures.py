@@ -33,6 +33,7 @@ LawOfSpeed = Callable[[Array], Array]
 RIVALS = (
     "sticking-law",
     "sliding-law",
+    "sticking-by-angle",
     "restitution-by-angle",
     "friction-by-speed",
     "friction-by-load",
@@ -45,6 +46,7 @@ _KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
 _COUPLES = (0.01, 0.02, 0.04, 0.06, 0.1, 0.2)  # mu_r from which one is looked for that stops spins
+_PARTS = (1 / 3, 0.5, 2 / 3)  # of the range of angles, from which the closure's own constant may be another
 _GRAZING = 1e-3  # cosine of the angle below which a tangent is cut off
 _LOWEST = 0.02  # e_n below which nothing is left to fall
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
@@ -149,6 +151,8 @@ class Direction:
         know beyond first order.
     likely : tuple of float
         Strengths at which these are no line: the score test may see nothing of them.
+    constant : str
+        The closure's own one, where that changes.
     figures : mapping
         What the words need: chi, e_n over a tenfold of speed.
     """
@@ -160,6 +164,7 @@ class Direction:
     by_kappa: bool = False
     values: Callable[[Array, Array], Array] | None = None
     likely: tuple[float, ...] = ()
+    constant: str = ""
     figures: dict[str, float] = field(default_factory=dict)
 
 
@@ -229,6 +234,32 @@ def _tangential(
             yield Direction("compliance", change, whole=True, figures={"chi": number})
     for name, change in free.items():
         yield Direction(name, change, two_sided=True)
+    yield from _own_by_angle(problem, jacobian)
+
+
+def _own_by_angle(problem: Problem, jacobian: Array) -> Iterator[Direction]:
+    """A closure's own constant that changes evenly with the angle, over the impacts that know it."""
+    own = problem.closure.own
+    if own is None:
+        return
+    by_own = jacobian[
+        np.arange(len(problem.rows)), problem.parameters.positions[own.name][problem.rows.series]
+    ]
+    gamma, known = problem.rows.gamma_deg, by_own != 0.0
+    if not known.any() or not np.ptp(gamma[known]) > 0.0:
+        return
+    even = np.clip((gamma - gamma[known].min()) / np.ptp(gamma[known]), 0.0, 1.0)
+    for rise in (even, *((even > part).astype(float) for part in _PARTS)):
+        bent = partial(_with_own_by_angle, problem, rise)
+        yield Direction("sticking-by-angle", by_own * rise, two_sided=True, values=bent, constant=own.name)
+
+
+def _with_own_by_angle(problem: Problem, rise: Array, theta: Array, strength: Array) -> Array:
+    """Value of each row with the closure's own constant larger by strengths times a rise, (m, n)."""
+    e_n, c, mu = problem.per_row(theta)
+    c = np.clip(c + strength[:, None] * rise, *problem.closure.domain(problem.inertia_factor))
+    k, _ = problem.impulse(e_n, c, mu)
+    return problem.values_with(k, e_n, mu)
 
 
 def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) -> Array:
@@ -270,8 +301,9 @@ def _of_speed(
             if direction is not None:
                 yield direction
         # e_n^2 falls by (V_s/V)^2: per V_s^2
-        less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
-        yield Direction("adhesion", by_e_n * less)
+        towards = np.where(coming, normal, np.inf)
+        less = -0.5 / (np.maximum(e_n, _LOWEST) * towards**2)
+        yield Direction("adhesion", by_e_n * less, values=partial(_adhering, problem, towards))
     by_mu = jacobian[row, places["mu"][problem.rows.series]]
     # the normal speed of impacts of one speed is as the cosine of the angle
     load = normal if coming.all() else i.cosine
@@ -292,6 +324,14 @@ def _by_angle(problem: Problem, rise: Array, theta: Array, strength: Array) -> A
     """Value of each row with e_n larger by strengths times a rise, (m, n)."""
     e_n, c, mu = problem.per_row(theta)
     e_n = np.maximum(e_n + strength[:, None] * rise, 0.0)
+    k, _ = problem.impulse(e_n, c, mu)
+    return problem.values_with(k, e_n, mu)
+
+
+def _adhering(problem: Problem, normal: Array, theta: Array, strength: Array) -> Array:
+    """Value of each row with e_n^2 smaller by strengths over the squares of normal speeds, (m, n)."""
+    e_n, c, mu = problem.per_row(theta)
+    e_n = np.sqrt(np.maximum(e_n**2 - strength[:, None] / normal**2, 0.0))
     k, _ = problem.impulse(e_n, c, mu)
     return problem.values_with(k, e_n, mu)
 

@@ -30,6 +30,7 @@ _CALLED = {
     "rolling": "rolling friction",
     "sticking-law": "another constant law of sticking",
     "sliding-law": "a restitution in sliding too",
+    "sticking-by-angle": "a constant of sticking that changes with the angle, as of a compliant contact",
     "restitution-by-angle": "a restitution that changes with the angle, as of a body with faces",
     "friction-by-speed": "friction that depends on the speed of sliding",
     "friction-by-load": "friction that depends on the normal speed, and so on the angle",
@@ -45,12 +46,15 @@ _SHORT = {
 # what changes, and in which unit
 _CHANGES = {
     "restitution-by-angle": ("e_n", "from the smallest angle to the largest"),
+    "sticking-by-angle": ("", "from the smallest angle to the largest that knows it"),
     "friction-by-load": ("mu", "of itself as the normal speed doubles from its mean"),
     "friction-by-speed": ("mu", "of itself for ten times the speed"),
 }
 _REMEDIES = {
     "inertia-factor": "Give the body's own with --inertia-factor",
     "friction-by-load": "One mu holds for a narrow range of angles: --gamma-min, --gamma-max",
+    "sticking-by-angle": "One constant holds for a narrow range of angles: --gamma-min, --gamma-max; "
+    "--closure maw holds a compliant contact",
     "restitution-by-angle": "One e_n holds for a narrow range of angles: --gamma-min, --gamma-max",
     "rolling": "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it",
 }
@@ -254,6 +258,7 @@ def _figures(one: Score) -> dict[str, float]:
 def best_of(significant: Sequence[Score]) -> list[Score]:
     """The direction that takes most of the misfit, and those that take about as much.
 
+    A trend of the sticking constant stands behind another constant law; compliance is one by itself.
     The two laws e_n(v) have nearly the same shape and differ by their size: where e_n is known, the one
     whose own size fits worse falls out.
     """
@@ -261,6 +266,11 @@ def best_of(significant: Sequence[Score]) -> list[Score]:
         return []
     top = max(one.drop for one in significant)
     near = sorted((one for one in significant if one.drop >= top - ALIKE), key=lambda one: -one.drop)
+    names = {one.direction.name for one in near}
+    if "compliance" in names:
+        near = [one for one in near if one.direction.name != "sticking-by-angle"]
+    elif "sticking-law" in names:
+        near.sort(key=lambda one: one.direction.name == "sticking-by-angle")
     laws = [one for one in near if one.direction.name in LAWS and one.direction.whole]
     best = max((one.drop_whole for one in laws), default=0.0)
     return [one for one in near if one not in laws or one.drop_whole >= best - ALIKE]
@@ -358,6 +368,7 @@ def _size(problem: Problem, named: Sequence[Score]) -> list[str]:
     if name in _CHANGES:
         change = one.strength * (math.log(10.0) if name == "friction-by-speed" else 1.0)
         constant, of = _CHANGES[name]
+        constant = constant or one.direction.constant
         return [f"{constant} {'rises' if change > 0.0 else 'falls'} by {abs(change):.2g} {of}"]
     return []
 

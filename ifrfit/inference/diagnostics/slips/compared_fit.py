@@ -27,6 +27,7 @@ from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 LARGEST = 4.5  # prior standard deviations of a size
+_FIXED = 0.2  # by which a constant that was fixed may be off
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
 _OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
@@ -166,11 +167,16 @@ class ComparedFit:
     ) -> tuple[float, Array]:
         """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
-        Priors of the user take part in the search, and what it moves away from them counts against it. At
-        sizes that are `likely` the constants are looked for all over the domain.
+        Priors of the user take part in the search, fixed constants as wide ones, and what it moves away from
+        them counts against it. At sizes that are `likely` the constants are looked for all over the domain.
         """
         problem, theta = self.problem, self.fit.optimum.theta
-        known = problem.parameters.prior_residuals
+        fixed = ~problem.parameters.free
+
+        def known(theta: Array) -> Array:
+            moved = (theta[..., fixed] - problem.parameters.fixed[fixed]) / _FIXED
+            return np.concatenate((problem.parameters.prior_residuals(theta), moved), axis=-1)
+
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
         before = known(theta)
@@ -214,7 +220,7 @@ class ComparedFit:
 
 
 def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: int) -> Score:
-    """A score with the fall of -2 log likelihood of its effect, fitted as a slip is.
+    """A score with the fall of -2 log likelihood of its effect, and its size, fitted as a slip is.
 
     Where the test of first order saw nothing of an effect that is no line, the fit makes it, times `count`.
     """
@@ -226,14 +232,19 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
 
     values = direction.values or along
     drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
-    if score.p < REFUTED or drop <= 0.0:
+    if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
+    size, n = float(x[-1]), problem.rows.value.size
+    # the square of size over sd: where noises are unknown, over the scatter that is left
+    square = whole.dof * math.expm1(drop / n) if whole.misfit.groups else drop
+    sd = abs(size) / math.sqrt(square)
+    if score.p < REFUTED:
+        return replace(score, drop=drop, strength=size, sd=sd)
     after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
     careful = max(careful_drop(whole.misfit, whole.before, after, whole.dof), 0.0)
-    p, size = min(1.0, count * float(special.chdtrc(1, careful))), float(x[-1])
+    p = min(1.0, count * float(special.chdtrc(1, careful)))
     moved = ((whole.before - after) / fit.sigma) ** 2
-    sd, weight = abs(size) / math.sqrt(drop), moved / moved.sum()
-    return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=weight, chi2=None)
+    return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=moved / moved.sum(), chi2=None)
 
 
 def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:

@@ -27,6 +27,7 @@ _SCALES = (*_OF_ANGLES, *_OF_LENGTHS)
 _KINDS = {
     "angles": ("angle-offset", "rebound-zero", *_OF_ANGLES, "camera-turn"),
     "scales": _OF_LENGTHS,
+    "height above the wall": ("height", "fall"),
     "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll", "spin-zero"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
@@ -85,6 +86,15 @@ _SIZED = {
         "spins before impact whose zero is off, R omega_y/u larger by {size} than the table has it",
         "check their zero; add {slip.size:.2g} to the column spin_y",
     ),
+}
+_SIZED |= {
+    f"{kind}{when}": (
+        f"velocities {f'{when[1:]} impact ' if when else ''}as they were above the wall, {height}, where "
+        "gravity changes them",
+        "carry the tracks on to the wall",
+    )
+    for kind, height in (("height", "by {size} m"), ("fall", "by 2 g h/u^2 of {size}"))
+    for when in ("", "-before", "-after")
 }
 _DRIFT = (
     "a drift of {slip.constant} along it, from {first:.3g} to {last:.3g} (by {size})",

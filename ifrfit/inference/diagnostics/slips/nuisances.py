@@ -20,6 +20,9 @@ _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
+_GRAVITY = 9.81  # m/s^2
+_HEIGHT = "height", 0.5, 0.02  # m, the largest and the usual one
+_FALL = "fall", 1.0, 0.05  # 2 g h/u^2, likewise
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
@@ -53,6 +56,10 @@ class Flaw:
         Share of pure rolling before impact, R omega_y = -u sin(gamma), that the table does not hold.
     spin_zero : float or ndarray
         R omega_y/u by which the true spin before every impact exceeds the given one.
+    gained : float or ndarray
+        Square of the speed towards the wall, over u^2, by which gravity raised it after it was read.
+    lost : float or ndarray
+        The same of the speed away from it, by which gravity lowered it before it was read.
     """
 
     offset: Size = 0.0
@@ -64,6 +71,8 @@ class Flaw:
     constant_spin: Size = 0.0
     rolled: Size = 0.0
     spin_zero: Size = 0.0
+    gained: Size = 0.0
+    lost: Size = 0.0
 
 
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
@@ -89,10 +98,12 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
-    length = _speed_before(true, flaw)
+    length = _speed_before(true.sine, true.cosine, flaw)
     speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
     v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
     v_n = speed * (state.v_n * cosine + state.v_x * sine)
+    if np.any(flaw.lost):
+        v_n = np.sqrt(np.maximum(v_n**2 - flaw.lost, 0.0))
     v_y, spin_x, spin_y = speed * stretch * state.v_y, spin * state.spin_x, spin * state.spin_y
     with np.errstate(divide="ignore", invalid="ignore"):
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
@@ -109,23 +120,26 @@ def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
         gamma = np.degrees(
             np.arctan2(np.sin(np.radians(gamma)), (1.0 + flaw.along) * np.cos(np.radians(gamma)))
         )
+    if np.any(flaw.gained):
+        sine, square = np.sin(np.radians(gamma)), np.cos(np.radians(gamma)) ** 2
+        gamma = np.degrees(np.arctan2(sine, np.sqrt(np.maximum(square + flaw.gained, 0.0))))
     sine, cosine = np.sin(np.radians(gamma)), np.cos(np.radians(gamma))
-    scale = np.hypot((1.0 + flaw.along) * sine, cosine) / (1.0 + flaw.spin)
+    scale = _speed_before(sine, cosine, flaw) / (1.0 + flaw.spin)
     spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * sine
     return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
 
 
-def _speed_before(true: Incidence, flaw: Flaw) -> Size:
-    """The incoming speed as it is read, over the true one."""
-    if not np.any(flaw.along):
-        return 1.0
-    return np.hypot((1.0 + flaw.along) * true.sine, true.cosine)
+def _speed_before(sine: Array, cosine: Array, flaw: Flaw) -> Size:
+    """The incoming speed as it is read, over the true one, by the true angle."""
+    if np.any(flaw.along):
+        return np.hypot((1.0 + flaw.along) * sine, cosine)
+    return 1.0 / np.sqrt(1.0 + flaw.gained)
 
 
 def _is_of_incidence(flaw: Flaw) -> bool:
     """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
     others = (flaw.turn, flaw.speed, flaw.along, flaw.spin, flaw.constant_spin, flaw.rolled)
-    return not any(np.any(size) for size in others)
+    return not any(np.any(size) for size in (*others, flaw.gained, flaw.lost))
 
 
 def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
@@ -243,8 +257,30 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
             0.3 if shown else 0.05,
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
         )
+    yield from _of_height(problem)
     yield from _of_largest(problem)
     yield from _drifts(problem)
+
+
+def _of_height(problem: Problem) -> Iterator[Nuisance]:
+    """Velocities as they were above a floor: by metres, or by 2 g h/u^2 where a speed is not stated."""
+    if not problem.rows.of_kind("normal", "curved").any():
+        return
+    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    known = bool((speed > 0.0).all())
+    unit = 2.0 * _GRAVITY / speed**2 if known else np.ones(speed.size)
+    kind, most, usual = _HEIGHT if known else _FALL
+
+    def read(name: str, before: bool, after: bool) -> Nuisance:
+        def values(theta: Array, size: Array) -> Array:
+            fall = size[:, None] * unit
+            return readings(problem, theta, Flaw(gained=before * fall, lost=after * fall))
+
+        return Nuisance(name, values, (0.0, most), usual)
+
+    yield read(kind, before=True, after=True)
+    yield read(f"{kind}-before", before=True, after=False)
+    yield read(f"{kind}-after", before=False, after=True)
 
 
 def _of_largest(problem: Problem) -> Iterator[Nuisance]:

@@ -17,8 +17,10 @@ from ifrfit.text import p_text, plus_minus
 _RIVALS = {
     "sticking-law": "another law of sticking",
     "sliding-law": "restitution in sliding",
+    "sticking-by-angle": "constant of sticking by angle",
     "restitution-by-angle": "restitution by angle",
     "friction-by-speed": "friction by speed",
+    "friction-by-load": "friction by load",
     "inertia-factor": "another inertia factor",
 }
 
