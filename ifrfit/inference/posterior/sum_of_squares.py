@@ -168,19 +168,20 @@ class SumOfSquares:
             over_tau = np.where(slope == 0.0, 0.0, slope / tau)
         a = k.a0 + k.a1 * ref.c
         factor = float(scale_factor(scale, np.asarray(ref.e_n)))
-        regimes = []
+        products = np.zeros((len(PAIRS), at.size + 1))
         for sticking in (True, False):
             fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
             fall = np.where(np.isfinite(fall), fall, 0.0)  # a row at tau = 0 always sticks
             value = offset + slope * a + fall
             by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
-            columns = [measured - factor * value, value, by_c, by_kappa]
-            regimes.append(w * np.array(columns))
-        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
-        products = np.zeros((len(PAIRS), at.size + 1))
-        np.cumsum(stick, axis=1, out=products[:, 1:])
-        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
+            columns = [w * x for x in (measured - factor * value, value, by_c, by_kappa)]
+            for total, (i, j) in zip(products, PAIRS, strict=True):
+                product = columns[i] * columns[j]
+                if sticking:
+                    np.cumsum(product, out=total[1:])
+                else:
+                    total[:-1] += np.cumsum(product[::-1])[::-1]
         return PrefixSums(scale, tau, products)
 
     def _normal_rows(self, at: Index) -> Quadratic:

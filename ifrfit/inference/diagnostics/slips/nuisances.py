@@ -65,6 +65,12 @@ class Flaw:
     rolled: Size = 0.0
     spin_zero: Size = 0.0
 
+    def of_rows(self, place: slice) -> Flaw:
+        """What is off in some of the rows, where it differs from row to row."""
+        sizes = {name: np.asarray(size) for name, size in vars(self).items()}
+        parts = {name: x[..., place] for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
+        return replace(self, **parts)
+
 
 class Reading(Rebound):
     """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
@@ -102,6 +108,13 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     -------
     ndarray, (..., n)
     """
+    out = np.empty((*theta.shape[:-1], len(problem.rows)))
+    for place, rows in problem.rows.blocks:
+        out[..., place] = _read(replace(problem, rows=rows), theta, flaw.of_rows(place))
+    return out
+
+
+def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     given, true = problem.rows.incidence, _true_incidence(problem, flaw)
     e_n, c, mu = problem.per_row(theta)
     law = problem.closure.law(problem.inertia_factor)
