@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,17 +128,21 @@ class SumOfSquares:
             curved, tangential = curved | tangential, np.zeros_like(tangential)
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
-        self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        linear = rows.linear_parts(inertia_factor)
+        self.sums = [self._tangential(group[tangential[group]], linear) for group in self.groups]
         self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
         self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
+        self.kinks = self._kinks()
+        if self.is_quadratic:  # no row is asked for again
+            nothing = np.empty(0, dtype=np.intp)
+            self.rows, self._oblique = rows.take(nothing), curved[nothing]
 
     @property
     def is_quadratic(self) -> bool:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
         return not any(rows.size for rows in self.curved_rows)
 
-    @cached_property
-    def kinks(self) -> Array:
+    def _kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""
         if self.law is not None:  # where that is depends on the closure constant, and nothing jumps there
             return np.empty(0)
@@ -150,18 +153,14 @@ class SumOfSquares:
         """Bound of the frictional part of the impulse factor in sticking."""
         return self.coefficients.b0 + self.coefficients.b1 * c
 
-    @cached_property
-    def _linear_parts(self) -> tuple[Array, Array]:
-        return self.rows.linear_parts(self.inertia_factor)
-
-    def _tangential(self, at: Index) -> list[PrefixSums]:
+    def _tangential(self, at: Index, linear: tuple[Array, Array]) -> list[PrefixSums]:
         by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
-        return [self._summed(rows, scale) for scale, rows in by_scale.items() if rows.size]
+        return [self._summed(rows, scale, linear) for scale, rows in by_scale.items() if rows.size]
 
-    def _summed(self, at: Index, scale: str) -> PrefixSums:
+    def _summed(self, at: Index, scale: str, linear: tuple[Array, Array]) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         tau, measured = self.rows.tau[at], self.rows.value[at]
-        offset, slope = (part[at] for part in self._linear_parts)
+        offset, slope = (part[at] for part in linear)
         k, ref, w = self.coefficients, self.reference, self.weight[at]
         kappa = ref.mu * (1.0 + ref.e_n)
         with np.errstate(divide="ignore", invalid="ignore"):
