@@ -193,7 +193,7 @@ class Rows:
 
     @cached_property
     def blocks(self) -> tuple[tuple[slice, Rows], ...]:
-        """All rows in parts, for what holds so many numbers of each that it must not hold them of all at once.
+        """All rows in parts, for what needs so many numbers of each that it must not hold all at once.
 
         A part shares its arrays with the whole.
         """

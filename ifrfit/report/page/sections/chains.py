@@ -8,7 +8,6 @@ from ifrfit.report.page.blocks import Block, Findings, Table
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 
-
 _WORDS = {
     "rhat": "R-hat",
     "ess_bulk": "bulk ESS",
