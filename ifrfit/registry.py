@@ -95,13 +95,13 @@ class Registry(Mapping[str, T]):
         """Whether this is the registry for `entry`."""
         return isinstance(entry, self._entry_type)
 
-    def add(self, entry: T, *, again: bool = False) -> T:
+    def add(self, entry: T, *, replaces: bool = False) -> T:
         """Add an entry.
 
         Parameters
         ----------
         entry : T
-        again : bool
+        replaces : bool
             Whether it takes the place of one of the same name that was added before.
 
         Raises
@@ -111,16 +111,16 @@ class Registry(Mapping[str, T]):
         """
         if self._check is not None:
             self._check(entry)
-        self._put(entry, again=again and entry.name not in self._own)
+        self._put(entry, replaces=replaces and entry.name not in self._own)
         return entry
 
-    def _put(self, entry: T, *, again: bool = False) -> None:
+    def _put(self, entry: T, *, replaces: bool = False) -> None:
         name = entry.name
         if not name or name != name.strip().lower() or any(letter.isspace() for letter in name):
             raise UsageError(
                 f"'{name}' cannot be the name of a {self.kind}: take lower case, without white space."
             )
-        if name in self._entries and not again:
+        if name in self._entries and not replaces:
             raise UsageError(f"There is a {self.kind} '{name}' already: give this one another name.")
         self._entries[name] = entry
         if self._order is not None:
@@ -196,7 +196,7 @@ def register(entry: T) -> T:
     UsageError
         If it is no kind of entry, if its name is that of one of the package's own, or if it cannot be used.
     """
-    return _registry_of(entry).add(entry, again=True)
+    return _registry_of(entry).add(entry, replaces=True)
 
 
 @contextmanager
