@@ -95,8 +95,14 @@ class Registry(Mapping[str, T]):
         """Whether this is the registry for `entry`."""
         return isinstance(entry, self._entry_type)
 
-    def add(self, entry: T) -> T:
+    def add(self, entry: T, *, replaces: bool = False) -> T:
         """Add an entry.
+
+        Parameters
+        ----------
+        entry : T
+        replaces : bool
+            Whether it takes the place of one of the same name that was added before.
 
         Raises
         ------
@@ -105,16 +111,16 @@ class Registry(Mapping[str, T]):
         """
         if self._check is not None:
             self._check(entry)
-        self._put(entry)
+        self._put(entry, replaces=replaces and entry.name not in self._own)
         return entry
 
-    def _put(self, entry: T) -> None:
+    def _put(self, entry: T, *, replaces: bool = False) -> None:
         name = entry.name
         if not name or name != name.strip().lower() or any(letter.isspace() for letter in name):
             raise UsageError(
                 f"'{name}' cannot be the name of a {self.kind}: take lower case, without white space."
             )
-        if name in self._entries:
+        if name in self._entries and not replaces:
             raise UsageError(f"There is a {self.kind} '{name}' already: give this one another name.")
         self._entries[name] = entry
         if self._order is not None:
@@ -173,6 +179,8 @@ _loaded = False
 def register(entry: T) -> T:
     """Plug something into the package: from then on it is known by its name like the package's own.
 
+    Registered again, as where a notebook's cell runs twice, the last one counts.
+
     Parameters
     ----------
     entry : Closure, Observable, Effect, Estimator, ...
@@ -186,9 +194,9 @@ def register(entry: T) -> T:
     Raises
     ------
     UsageError
-        If it is no kind of entry, if its name is taken, or if it cannot be used.
+        If it is no kind of entry, if its name is that of one of the package's own, or if it cannot be used.
     """
-    return _registry_of(entry).add(entry)
+    return _registry_of(entry).add(entry, replaces=True)
 
 
 @contextmanager
@@ -197,7 +205,7 @@ def registered(*entries: T) -> Iterator[None]:
     added: list[T] = []
     try:
         for entry in entries:
-            added.append(register(entry))
+            added.append(_registry_of(entry).add(entry))
         yield
     finally:
         for entry in reversed(added):

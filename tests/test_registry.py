@@ -12,7 +12,7 @@ import ifrfit
 from ifrfit import registry
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import CLOSURES
-from ifrfit.registry import Registry, registered
+from ifrfit.registry import Registry, register, registered
 
 
 @pytest.fixture(autouse=True)
@@ -90,6 +90,24 @@ def test_register_finds_the_registry_by_the_type() -> None:
     with registered(Nut("hazel"), Nut("wal")):
         assert list(nuts) == ["hazel", "wal"]
     assert not nuts
+
+
+def test_what_is_registered_again_takes_the_place_of_the_one_before() -> None:
+    @dataclass(frozen=True)
+    class Root:
+        name: str
+        length: int = 1
+
+    roots = Registry("root", Root, (Root("beet"),))
+    register(Root("carrot"))
+    register(Root("turnip"))
+    register(Root("carrot", 2))
+    assert list(roots) == ["beet", "carrot", "turnip"]
+    assert roots["carrot"].length == 2
+    with pytest.raises(UsageError, match=r"^There is a root 'beet' already: give this one another name\.$"):
+        register(Root("beet", 3))
+    for name in ("carrot", "turnip"):
+        roots.remove(name)
 
 
 def test_nothing_is_left_behind_when_the_second_entry_is_refused() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,43 @@ NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a"})
 _OR_EMPTY = 'Correct it, or leave the cell empty for "not measured".'
 _MINUS = "\u2212"  # the sign of mathematics, which spreadsheets and word processors write for a hyphen
 NUMBER = re.compile(rf"[+\-{_MINUS}]?(\d+([.,]\d*)?|[.,]\d+)([eE][+\-{_MINUS}]?\d+)?", re.ASCII)
+
+_END = "\x1f"  # of a cell; no file of text that is read holds one
+
+
+class TextColumn(Sequence[str]):
+    """Cells of text, kept joined: a string for each would take several times the room."""
+
+    def __init__(self) -> None:
+        self._blocks: list[str] = []
+        self._firsts = [0]
+
+    def append(self, cells: Sequence[str]) -> None:
+        """Put further cells under those that are there."""
+        self._blocks.append(_END.join(cells))
+        self._firsts.append(len(self) + len(cells))
+
+    def blocks(self) -> Iterator[tuple[int, list[str]]]:
+        """Some cells at a time, with the row of the first."""
+        for first, block in zip(self._firsts, self._blocks, strict=False):
+            yield first, block.split(_END)
+
+    def __len__(self) -> int:
+        return self._firsts[-1]
+
+    def __iter__(self) -> Iterator[str]:
+        return (cell for _, block in self.blocks() for cell in block)
+
+    @overload
+    def __getitem__(self, row: int) -> str: ...
+    @overload
+    def __getitem__(self, row: slice) -> Sequence[str]: ...
+    def __getitem__(self, row: int | slice) -> str | Sequence[str]:
+        if isinstance(row, slice):
+            return list(self)[row]
+        number = bisect.bisect_right(self._firsts, row) - 1
+        return self._blocks[number].split(_END)[row - self._firsts[number]]
+
 
 CellColumn = Sequence[str] | NDArray[np.float64]
 
@@ -118,13 +157,18 @@ class Cells:
         return values
 
     def _convert(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
+        blocks = cells.blocks() if isinstance(cells, TextColumn) else [(0, cells)]
+        parts = [self._converted(block, first, column) for first, block in blocks]
+        return np.concatenate([np.empty(0), *parts])
+
+    def _converted(self, cells: Sequence[str], first: int, column: int) -> NDArray[np.float64]:
         """Convert all cells at once if they are plain numbers, else one by one, which finds the culprit."""
         text = "\n".join(cells)
         # Python reads 1_000 as a number, people do not write it; decimal signs are to be compared one by one
         if not any(sign in text for sign in ("_", ",", *("." if self.decimal_commas else ""))):
             with suppress(ValueError):
                 return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
-        return np.array([self._number(cell.strip(), row, column) for row, cell in enumerate(cells)])
+        return np.array([self._number(cell.strip(), row, column) for row, cell in enumerate(cells, first)])
 
     def _number(self, cell: str, row: int, column: int) -> float:
         if cell.lower() in NOT_MEASURED:

@@ -112,7 +112,8 @@ def _assemble(
     rows = rows[order]
     columns: dict[str, Any] = {}
     for name in pieces[0].columns:
-        columns[name] = np.concatenate([np.asarray(piece.columns[name]) for piece in pieces])[order]
+        parts = [np.asarray(piece.columns[name]) for piece in pieces]
+        columns[name] = parts[0] if len(parts) == 1 else np.concatenate(parts)[order]
     refuse_restarted_impacts(layout, columns, rows)
     columns["series"] = _labels(layout, "series", _as_text(path.stem))[rows]
     provenance = _provenances(layout)[rows]

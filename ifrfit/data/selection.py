@@ -103,7 +103,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
         why[left[double]] = "same impacts counted already"
         notes.extend([*said, *contradictions(table.iloc[left], double)])
     keep = why == ""
-    kept = table.loc[keep].reset_index(drop=True)
+    kept = table if keep.all() else table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])
     sources = tuple(_update(source, table, why, selection) for source in obs.sources)
     return replace(obs, table=kept, sources=sources).with_note(*notes)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import itertools
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, show
+from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
 from ifrfit.errors import DataError
 
 DELIMITERS = (",", ";", "\t")
@@ -22,6 +23,7 @@ LONGEST_CELL = (
 )
 _BLANK = " \t;,"  # a line of these alone holds nothing
 _LONGEST_HEADER = 50_000
+_ROWS_AT_ONCE = 10_000  # held as single cells
 _HEADER_WITHIN = 30  # lines in which the header is looked for, behind titles
 _CONTROL = re.compile("[\x00-\x08\x0e-\x1f]")
 _MAGIC = {
@@ -53,7 +55,9 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
     else:
-        cells = _parse(decode(raw, file), file, sha256, is_header)
+        lines = _lines(decode(raw, file))
+        del raw  # of a long file only one form is kept at a time
+        cells = _parse(lines, file, sha256, is_header)
     _check_headers(cells)
     if not len(cells):
         raise DataError(f"{file}: there is a header, but no row under it. Add one impact a line.")
@@ -93,45 +97,61 @@ def decode(raw: bytes, file: str) -> str:
     return text
 
 
-def _parse(text: str, file: str, sha256: str, is_header: Callable[[str], bool]) -> Cells:
+def _lines(text: str) -> list[str]:
+    """Lines of a text, comments emptied."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if "#" in text:
-        lines = ["" if line.lstrip().startswith("#") else line for line in lines]
+    return ["" if line.lstrip().startswith("#") else line for line in lines] if "#" in text else lines
+
+
+def _parse(lines: list[str], file: str, sha256: str, is_header: Callable[[str], bool]) -> Cells:
     start, delimiter = _find_header(lines, is_header, file)
     _refuse_long_cells(lines, start, delimiter, file)
     commas = delimiter != "," and any("," in line for line in lines[start + 1 :])
-    rows, at = _rows(lines, start, delimiter, file)
-    headers = [cell.strip() for cell in rows.pop(0)]
+    rows = _rows(lines, start, delimiter, file)
+    header_line, names = next(rows, (0, []))
+    if not names:
+        raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
+    headers = [cell.strip() for cell in names]
     width = len(headers)
-    while width and not headers[width - 1] and all(len(r) < width or not r[width - 1].strip() for r in rows):
+    while width and not headers[width - 1] and _is_blank(_rows(lines, start, delimiter, file), width - 1):
         width -= 1  # spreadsheets export empty columns to the right
     headers = headers[:width]
-    if any(len(row) != width for row in rows):
-        body = zip(rows, at[1:], strict=True)
-        rows = [_fit(row, headers, f"{file}, line {n}", delimiter) for row, n in body]
-    columns = list(zip(*rows, strict=True)) if rows else [()] * width
-    return Cells(file, sha256, headers, at[0], np.array(at[1:], dtype=np.int64), columns, commas)
+    columns = [TextColumn() for _ in headers]
+    numbers = [np.empty(0, dtype=np.int64)]
+    while block := list(itertools.islice(rows, _ROWS_AT_ONCE)):
+        fitted = (
+            row if len(row) == width else _fit(row, headers, f"{file}, line {n}", delimiter)
+            for n, row in block
+        )
+        for column, cells in zip(columns, zip(*fitted, strict=True), strict=True):
+            column.append(cells)
+        numbers.append(np.array([n for n, _ in block], dtype=np.int64))
+    return Cells(file, sha256, headers, header_line, np.concatenate(numbers), columns, commas)
 
 
-def _rows(lines: list[str], start: int, delimiter: str, file: str) -> tuple[list[list[str]], list[int]]:
-    """Return the rows that hold anything, and the line on which each begins."""
-    reader = csv.reader(lines[start:], delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=True)
-    rows: list[list[str]] = []
-    numbers: list[int] = []
+def _rows(lines: list[str], start: int, delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
+    """Rows that hold anything, each with the line on which it begins; the first is the header."""
+    reader = csv.reader(
+        itertools.islice(lines, start, None),
+        delimiter=delimiter,
+        skipinitialspace=delimiter != "\t",
+        strict=True,
+    )
     before = start
     try:
         for row in reader:
             if "".join(row).strip(_BLANK):
-                rows.append(row)
-                numbers.append(before + 1)
+                yield before + 1, row
             before = start + reader.line_num
     except csv.Error as error:
         raise DataError(
             f"{file}, line {before + 1}: cannot be read ({error}). Check its quotation marks."
         ) from None
-    if not rows:
-        raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
-    return rows, numbers
+
+
+def _is_blank(rows: Iterator[tuple[int, list[str]]], column: int) -> bool:
+    """Whether a column holds nothing."""
+    return all(len(row) <= column or not row[column].strip() for _, row in rows)
 
 
 def _fit(row: list[str], headers: list[str], at: str, delimiter: str) -> list[str]:

@@ -20,6 +20,7 @@ Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]
 
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
+_BLOCK = 20_000  # rows
 OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
@@ -184,8 +185,22 @@ class Rows:
         """The same for some rows."""
         if rows.size == self.value.size and bool((np.diff(rows) == 1).all()):
             return self
-        incidence = self.incidence.take(rows)
+        return self._at(rows)
+
+    def _at(self, rows: Index | slice) -> Rows:
+        incidence = self.incidence.map(lambda part: part[..., rows])
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[slice, Rows], ...]:
+        """All rows in parts, for what needs so many numbers of each that it must not hold all at once.
+
+        A part shares its arrays with the whole.
+        """
+        if len(self) <= _BLOCK:
+            return ((slice(None), self),)
+        places = (slice(first, first + _BLOCK) for first in range(0, len(self), _BLOCK))
+        return tuple((place, self._at(place)) for place in places)
 
     def turned(self, degrees: float | Array) -> Rows:
         """The same where the angle of incidence is larger, in rows that it enters; see `Problem.at_offset`.

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,17 +128,21 @@ class SumOfSquares:
             curved, tangential = curved | tangential, np.zeros_like(tangential)
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
-        self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        linear = rows.linear_parts(inertia_factor)
+        self.sums = [self._tangential(group[tangential[group]], linear) for group in self.groups]
         self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
         self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
+        self.kinks = self._kinks()
+        if self.is_quadratic:  # no row is asked for again
+            nothing = np.empty(0, dtype=np.intp)
+            self.rows, self._oblique = rows.take(nothing), curved[nothing]
 
     @property
     def is_quadratic(self) -> bool:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
         return not any(rows.size for rows in self.curved_rows)
 
-    @cached_property
-    def kinks(self) -> Array:
+    def _kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""
         if self.law is not None:  # where that is depends on the closure constant, and nothing jumps there
             return np.empty(0)
@@ -150,37 +153,34 @@ class SumOfSquares:
         """Bound of the frictional part of the impulse factor in sticking."""
         return self.coefficients.b0 + self.coefficients.b1 * c
 
-    @cached_property
-    def _linear_parts(self) -> tuple[Array, Array]:
-        return self.rows.linear_parts(self.inertia_factor)
-
-    def _tangential(self, at: Index) -> list[PrefixSums]:
+    def _tangential(self, at: Index, linear: tuple[Array, Array]) -> list[PrefixSums]:
         by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
-        return [self._summed(rows, scale) for scale, rows in by_scale.items() if rows.size]
+        return [self._summed(rows, scale, linear) for scale, rows in by_scale.items() if rows.size]
 
-    def _summed(self, at: Index, scale: str) -> PrefixSums:
+    def _summed(self, at: Index, scale: str, linear: tuple[Array, Array]) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         tau, measured = self.rows.tau[at], self.rows.value[at]
-        offset, slope = (part[at] for part in self._linear_parts)
+        offset, slope = (part[at] for part in linear)
         k, ref, w = self.coefficients, self.reference, self.weight[at]
         kappa = ref.mu * (1.0 + ref.e_n)
         with np.errstate(divide="ignore", invalid="ignore"):
             over_tau = np.where(slope == 0.0, 0.0, slope / tau)
         a = k.a0 + k.a1 * ref.c
         factor = float(scale_factor(scale, np.asarray(ref.e_n)))
-        regimes = []
+        products = np.zeros((len(PAIRS), at.size + 1))
         for sticking in (True, False):
             fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
             fall = np.where(np.isfinite(fall), fall, 0.0)  # a row at tau = 0 always sticks
             value = offset + slope * a + fall
             by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
-            columns = [measured - factor * value, value, by_c, by_kappa]
-            regimes.append(w * np.array(columns))
-        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
-        products = np.zeros((len(PAIRS), at.size + 1))
-        np.cumsum(stick, axis=1, out=products[:, 1:])
-        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
+            columns = [w * x for x in (measured - factor * value, value, by_c, by_kappa)]
+            for total, (i, j) in zip(products, PAIRS, strict=True):
+                product = columns[i] * columns[j]
+                if sticking:
+                    np.cumsum(product, out=total[1:])
+                else:
+                    total[:-1] += np.cumsum(product[::-1])[::-1]
         return PrefixSums(scale, tau, products)
 
     def _normal_rows(self, at: Index) -> Quadratic:

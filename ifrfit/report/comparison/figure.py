@@ -174,9 +174,10 @@ def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.S
     _scale(axes, comparison)
     axes.set_yticks(range(len(ranked)), [title(name) for name in ranked])
     axes.set_ylim(len(ranked) - 0.4, -0.6)
-    words = "log Bayes factor against the best (bars)\ngrey: no preference"
+    words = "log Bayes factor against the best (bars)\n"
+    words += f"grey: no preference; axis logarithmic beyond {LINEAR:g}"
     if any(entry.loo for entry in comparison.entries.values()):
-        words += "; LOO difference ± se (points)"
+        words += "\nLOO difference ± se (points)"
     axes.set_xlabel(words, fontsize=7.0)
 
 

@@ -308,8 +308,9 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> tuple[float, Ar
 
 def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Of a few offsets of the angles the best of each series, at the constants of a fit."""
-    theta = np.tile(fit.optimum.theta, (_OFFSETS.size, 1))
-    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_OFFSETS[:, None]))
-    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
-    owners = problem.rows.series == np.arange(len(problem.series))[:, None]
-    return np.asarray(_OFFSETS[np.argmin(square @ owners.T, axis=0)])
+    far = []
+    for offset in _OFFSETS.tolist():
+        residual = problem.rows.value - readings(problem, fit.optimum.theta, Flaw(offset=offset))
+        square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
+        far.append(np.bincount(problem.rows.series, square, len(problem.series)))
+    return np.asarray(_OFFSETS[np.argmin(far, axis=0)])

@@ -74,6 +74,13 @@ class Flaw:
     gained: Size = 0.0
     lost: Size = 0.0
 
+    def of_rows(self, place: slice) -> Flaw:
+        """What is off in some of the rows, where it differs from row to row."""
+        sizes = {name: np.asarray(size) for name, size in vars(self).items()}
+        parts = {name: x[..., place] for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
+        return replace(self, **parts)
+
+
 
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     """Value of each row, without noise, as a flawed measurement has it.
@@ -89,6 +96,13 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     -------
     ndarray, (..., n)
     """
+    out = np.empty((*theta.shape[:-1], len(problem.rows)))
+    for place, rows in problem.rows.blocks:
+        out[..., place] = _read(replace(problem, rows=rows), theta, flaw.of_rows(place))
+    return out
+
+
+def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     given, true = problem.rows.incidence, _true_incidence(problem, flaw)
     e_n, c, mu = problem.per_row(theta)
     law = problem.closure.law(problem.inertia_factor)

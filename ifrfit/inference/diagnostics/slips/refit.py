@@ -170,14 +170,16 @@ def search(
     for left_over in range(_STEPS, 0, -1):
         change = _step(values, misfit, value, x, residual, bounds)
         tried = np.clip(x + 0.5 ** np.arange(_HALVINGS)[:, None] * change, lower, upper)
-        parts = [values(part) for part in in_parts(tried, value.size)]
-        left = value - np.nan_to_num(np.concatenate(parts))
-        far = misfit.likelihood(left)
-        best = int(np.argmin(far))
-        fall = now - float(far[best])
+        best = (math.inf, x, residual)
+        for part in in_parts(tried, value.size):
+            left = value - np.nan_to_num(values(part))
+            far = misfit.likelihood(left)
+            nearest = int(np.argmin(far))
+            best = min(best, (float(far[nearest]), part[nearest], left[nearest]), key=lambda each: each[0])
+        fall = now - best[0]
         if not fall > _AT_REST:
             break
-        x, residual, now = tried[best], left[best], float(far[best])
+        now, x, residual = best
         # too far away to be reached at this pace
         if left_over <= _STEPS - _PATIENCE + 1 and now - left_over * fall >= target:
             break

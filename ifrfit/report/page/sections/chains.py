@@ -8,6 +8,21 @@ from ifrfit.report.page.blocks import Block, Findings, Table
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 
+_WORDS = {
+    "rhat": "R-hat",
+    "ess_bulk": "bulk ESS",
+    "ess_tail": "tail ESS",
+    "tau": "autocorrelation time, steps",
+    "walkers": "walkers of each",
+    "discarded": "steps discarded at first",
+    "acceptance": "share of moves accepted",
+    "rhat_max": "largest R-hat",
+    "ess_bulk_min": "smallest bulk ESS",
+    "ess_tail_min": "smallest tail ESS",
+    "tau_max": "longest autocorrelation time, steps",
+    "steps_more": "further steps needed",
+}
+
 
 def build(given: ReportInput) -> Sequence[Block] | None:
     """R-hat, effective sample sizes and the rule they meet or miss; None where no chain ran."""
@@ -28,7 +43,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
 
 
 def _words(key: str) -> str:
-    return {"rhat": "R-hat", "ess_bulk": "bulk ESS", "ess_tail": "tail ESS"}.get(key, key.replace("_", " "))
+    return _WORDS.get(key, key.replace("_", " "))
 
 
 def _cell(value: object) -> str:

@@ -49,7 +49,10 @@ from ifrfit.report.style import GREY, PANEL_WIDTH_MM, SeriesStyle, series_styles
 # millimetres
 LEFT, RIGHT, TOP, DATA, STRIP, GAP, BAR = 22.5, 3.0, 3.0, 56.0, 10.0, 0.6, 4.4
 UNDER, UNDER_EVIDENCE = 13.0, 16.0  # for ticks and label of an axis
-WORDS = "log Bayes factor against the best (bars)", "grey: no preference"
+WORDS = (
+    "log Bayes factor against the best (bars)",
+    f"grey: no preference; axis logarithmic beyond {LINEAR:g}",
+)
 LOO = "LOO difference ± se (points)"
 LONGEST = 26  # characters of a series' name in the legend
 ANGLES = Ticks(tuple(15.0 * i for i in range(7)), tuple(str(15 * i) for i in range(7)))
