@@ -41,9 +41,9 @@ def lack_of_fit(
     """Test whether constants can describe the data.
 
     With known sigma by chi2; without by pure error where inputs repeat; by a smooth departure in tau, with
-    the runs test beside it, where none or few do. Pure error is that of each observable and of all together,
-    p times the number of tests. Where some sigma is known, by chi2 of these rows and by the other test of all rows: the
-    smaller p counts twice.
+    the runs test beside it, where none or few do. Pure error is that of each observable and of all
+    together, p times the number of tests. Where some sigma is known, also by chi2 of these rows. Where
+    several tests are made the smallest p counts, times their number.
 
     Parameters
     ----------

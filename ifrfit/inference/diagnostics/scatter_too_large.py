@@ -45,11 +45,12 @@ def scatter_too_large(
     """Whether a known sigma alone contradicts the fit: at the noise of the scatter nothing else does.
 
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
-    taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
-    there is no lack of fit (p >= 0.05), neighbours are not alike and there is no outlier, and the middle half of the residuals is as wide as the
-    rest (to a factor of 0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact
-    of its own. Where errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they
-    are taken; else a few outliers without which chi2 is as it should be are told in its place.
+    taken from the scatter (a common factor; one for each observable, where the sigma of some are right) there
+    is no lack of fit (p >= 0.05), neighbours are not alike and there is no outlier, and the middle half of
+    the residuals is as wide as the rest (to a factor of 0.6); or a noise that changes with the angle leaves
+    no outlier, and is told by a fact of its own. Where errors of one size take `ALIKE` more off -2 log
+    likelihood than a factor on sigma, they are taken; else a few outliers without which chi2 is as it should
+    be are told in its place.
 
     Parameters
     ----------

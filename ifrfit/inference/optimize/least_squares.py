@@ -315,7 +315,7 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
         new = wide / np.sqrt(weight)
         step = np.log(new / sigma)
         change = float(np.abs(np.expm1(step)).max())
-        ahead = None if before is None else _end_of_steps(before, step)
+        ahead = None if before is None else end_of_steps(before, step)
         before = step if ahead is None else None
         sigma = new if ahead is None or change <= _WEIGHTS_CONVERGED else new * np.exp(ahead)
         found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))

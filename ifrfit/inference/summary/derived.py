@@ -42,7 +42,9 @@ def meaning_of(problem: Problem, constants: Constants) -> dict[str, Any]:
     found = constants[closure.constant]
     if isinstance(found, Estimate):
         return {meaning.name: _meant(meaning, closure.constant, found, j)}
-    return {meaning.name: {series: _meant(meaning, closure.constant, each, j) for series, each in found.items()}}
+    return {
+        meaning.name: {series: _meant(meaning, closure.constant, each, j) for series, each in found.items()}
+    }
 
 
 def _meant(meaning: Meaning, name: str, c: Estimate, j: float) -> Estimate:

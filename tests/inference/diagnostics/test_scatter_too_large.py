@@ -76,7 +76,7 @@ def test_another_law_is_a_lack_of_fit(tmp_path):
 
 
 def test_neighbours_that_are_alike_are_no_scatter():
-    """A law without tangential restitution, where five of twelve rows show one: no spline of 4 knots sees it."""
+    """A law without tangential restitution, where five of twelve rows show one."""
     facts = fit("hashemnia-2019", closure="f", method="lsq").facts
     assert "scatter_too_large" not in facts
     assert not facts["lack_of_fit"].ok

@@ -110,7 +110,9 @@ def test_by_series_each_kappa_follows_its_own_mu(impacts, method: str) -> None:
 
 def test_what_follows_from_a_constant_names_whose_bound_it_lies_on():
     """An angle in degrees and a beta lie on no bound of kappa or e_t."""
-    found = ifrfit.fit("kharaz-2001", fix={"e_n": 0.98}, bounds={"mu": (0.0, 0.085)}, gamma_min=15, method="lsq")
+    found = ifrfit.fit(
+        "kharaz-2001", fix={"e_n": 0.98}, bounds={"mu": (0.0, 0.085)}, gamma_min=15, method="lsq"
+    )
     assert found.derived["kappa"].reason == "lies on its bound 0.1683"
     assert found.transitions["kratos"].reason == "kappa lies on its bound 0.1683"
     glass = ifrfit.fit("cornell-glass", method="lsq")

@@ -81,7 +81,6 @@ class Flaw:
         return replace(self, **parts)
 
 
-
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     """Value of each row, without noise, as a flawed measurement has it.
 
