@@ -157,7 +157,7 @@ def _hollow() -> str:
     """v_x and v_n of a thin hollow ball."""
     state = rebound(np.array(FAN), degrees=True, e_n=0.9, e_t=-0.85, mu=0.14, inertia_factor=2.0 / 3.0)
     each = (("v_x", state.v_x, 33), ("v_n", state.v_n, 34))
-    return HEADER + "".join(rows(FAN, v + noise(len(FAN), 0.004, n), None, name) for name, v, n in each)
+    return HEADER + "".join(rows(FAN, v + noise(len(FAN), 0.005, n), None, name) for name, v, n in each)
 
 
 def _drifting() -> np.ndarray:

@@ -114,3 +114,9 @@ def test_the_law_whose_own_size_fits_is_named():
     open_size = scores([Direction("viscoelastic", 0.1 * BEND), right], JACOBIAN, residual, known=False)
     assert {one.direction.name for one in best_of(open_size)} == {"viscoelastic", "plasticity"}
     assert best_of([]) == []
+
+
+def test_ways_of_one_slip_count_as_one_hypothesis():
+    """Two of half a share each: together they are corrected as one is, and cost the third no more."""
+    assert holm([0.01, 0.04, 0.03], [0.5, 0.5, 1.0]) == pytest.approx([0.04, 0.045, 0.045])
+    assert holm([0.02, 0.5, 0.5], [1.0, 0.5, 0.5])[0] == pytest.approx(0.04)

@@ -174,10 +174,15 @@ def _p(t: float, total: float, dof: int, known: bool, two_sided: bool) -> float:
     return min(2.0 * p, 1.0) if two_sided else p
 
 
-def holm(p: Sequence[float]) -> list[float]:
-    """P-values corrected for their number, in the order given (Holm 1979, Scand. J. Statist. 6, 65)."""
-    order = np.argsort(p)
-    corrected = np.asarray(p, dtype=float)[order] * np.arange(len(p), 0, -1)
+def holm(p: Sequence[float], share: Sequence[float] | None = None) -> list[float]:
+    """P-values corrected for their number, in the order given (Holm 1979, Scand. J. Statist. 6, 65).
+
+    `share` says as how many hypotheses each counts, one where it is not given (its section 4).
+    """
+    weight = np.ones(len(p)) if share is None else np.asarray(share, dtype=float)
+    order = np.argsort(np.asarray(p, dtype=float) / weight)
+    left = np.cumsum(weight[order][::-1])[::-1]
+    corrected = np.asarray(p, dtype=float)[order] / weight[order] * left
     out = np.empty(len(p))
     out[order] = np.minimum(np.maximum.accumulate(corrected), 1.0)
     return [float(x) for x in out]

@@ -95,9 +95,9 @@ def _tested(
     known = problem.noise.is_known and problem.error_model.is_plain
     every = [Direction(each.name, along, two_sided=True) for each, along in sized]
     tested = scores(every, jacobian, whole.residual / sigma, known=known)
-    for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
-        place = next(i for i, direction in enumerate(every) if direction is score.direction)
-        yield sized[place][0], score, p
+    of = [sized[next(i for i, way in enumerate(every) if way is one.direction)][0] for one in tested]
+    corrected = holm([one.p for one in tested], [each.share for each in of])
+    yield from zip(of, tested, corrected, strict=True)
 
 
 def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Slip:

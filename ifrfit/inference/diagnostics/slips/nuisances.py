@@ -206,6 +206,8 @@ class Nuisance:
         That changes by the size in the course of the table; empty for others.
     series : str
         The one series it is in; empty where it is in all.
+    share : float
+        Of one hypothesis, in the correction for their number: less where several are ways of one slip.
     """
 
     name: str
@@ -215,6 +217,7 @@ class Nuisance:
     likely: tuple[float, ...] = (0.0,)
     constant: str = ""
     series: str = ""
+    share: float = 1.0
 
     @property
     def most(self) -> float:
@@ -289,7 +292,7 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
             fall = size[:, None] * unit
             return readings(problem, theta, Flaw(gained=before * fall, lost=after * fall))
 
-        return Nuisance(name, values, (0.0, most), usual)
+        return Nuisance(name, values, (0.0, most), usual, share=1.0 / 3.0)
 
     yield read(kind, before=True, after=True)
     yield read(f"{kind}-before", before=True, after=False)
