@@ -493,7 +493,7 @@ def test_a_law_that_does_not_contradict_itself_is_taken() -> None:
         (Brake(name="b2", stage="later"), "has the stage 'later': take plane, normal, "),
         (Brake(name="b2", numbers=(replace(BRAKE_SHARE, unit="furlong"),)), "no unit 'furlong'"),
         (Brake(name="b2", numbers=(replace(BRAKE_SHARE, high=2.0),)), "effect brake describes otherwise"),
-        (GRIP, "There is a closure 'grip' already"),
+        (replace(GRIP, name="ifr"), "There is a closure 'ifr' already"),
     ],
 )
 def test_an_entry_that_contradicts_itself_is_refused(entry: Any, words: str) -> None:
