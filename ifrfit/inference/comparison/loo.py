@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.pareto_smoothing import smoothed
 from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.model.log_posterior import Density
@@ -169,13 +169,18 @@ def _smoothed(each: Array) -> tuple[Array, Array]:
 
     Weights whose whole tail has one value are bounded: nothing is smoothed, and k is -inf.
     """
+    from arviz_stats.base.array import array_stats
+
+    smooth: Any = array_stats.loo
     n = each.shape[0]
     tail = np.partition(each, n_tail := math.ceil(3.0 * math.sqrt(n)), axis=0)[:n_tail]
     bounded = np.ptp(tail, axis=0) <= _SAME * (1.0 + np.abs(tail).max(axis=0))
     elpd = -_log_mean_exp(-each)
     k = np.full(each.shape[1], -np.inf)
-    if not bounded.all():
-        elpd[~bounded], k[~bounded] = smoothed(each[:, ~bounded])
+    with np.errstate(all="ignore"):  # tails of few distinct values: k is nan, which counts as too large
+        for i in np.flatnonzero(~bounded):
+            log_density, shape, _ = smooth(each[:, i], chain_axis=None, draw_axis=-1)
+            elpd[i], k[i] = float(log_density), float(shape)
     return elpd, k
 
 
