@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -85,7 +85,8 @@ class Incidence:
 
     def map(self, of: Callable[[Array], Array]) -> Incidence:
         """The same with each of its arrays changed."""
-        return Incidence(*(of(getattr(self, part.name)) for part in fields(self)))
+        own = self.sine, self.cosine, self.spin_x, self.spin_y, self.slip_x, self.slip_y
+        return Incidence(*map(of, own))
 
     def take(self, rows: NDArray[np.intp]) -> Incidence:
         """These impacts only, along the last axis."""

@@ -268,8 +268,8 @@ class Refinement:
         """
         integral = self._integral
         with integral.low_order(integral.axes):
-            is_too_large = integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
-        if is_too_large:
+            has_room = integral.is_within(_MEMORY, _OF_A_LOOK * self.work_left)
+        if not has_room:
             raise _too_large(self._integral.size())
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
@@ -282,7 +282,7 @@ class Refinement:
 
     def _is_too_large(self) -> bool:
         """Whether the present nodes would fill the memory, or take more work than is left."""
-        return self._integral.size() > _MEMORY or self._integral.work() > self.work_left
+        return not self._integral.is_within(_MEMORY, self.work_left)
 
     def _evaluate(self) -> None:
         self.work_left -= self._integral.work()

@@ -91,7 +91,15 @@ class JointIntegral:
 
     def work(self) -> float:
         """What these values cost, in those of a series whose rows are all summed up beforehand."""
-        return sum(size * series.cost for size, series in zip(self._sizes(), self.series, strict=True))
+        return self._cost(self._sizes())
+
+    def is_within(self, size: float, work: float) -> bool:
+        """Whether the present nodes ask for no more values, and for no more work."""
+        sizes = self._sizes()
+        return sum(sizes) <= size and self._cost(sizes) <= work
+
+    def _cost(self, sizes: Sequence[int]) -> float:
+        return sum(size * series.cost for size, series in zip(sizes, self.series, strict=True))
 
     def _sizes(self) -> list[int]:
         """Values of the density of each series."""

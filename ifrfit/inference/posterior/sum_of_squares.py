@@ -133,9 +133,8 @@ class SumOfSquares:
         self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
         self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
         self.kinks = self._kinks()
-        if self.is_quadratic:  # no row is asked for again
-            nothing = np.empty(0, dtype=np.intp)
-            self.rows, self._oblique = rows.take(nothing), curved[nothing]
+        if self.is_quadratic:
+            del self.rows, self._oblique  # no row is asked for again, and there may be many
 
     @property
     def is_quadratic(self) -> bool:
