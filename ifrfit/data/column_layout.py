@@ -15,6 +15,8 @@ from ifrfit.data.conventions import Conventions, suggest
 from ifrfit.errors import DataError
 from ifrfit.physics.observables import OBSERVABLES
 
+_OF_FRACTIONS = 1.2  # largest size of a ratio that cannot be in percent in every row
+
 
 @dataclass(frozen=True)
 class Column:
@@ -90,7 +92,19 @@ class Layout:
                 f"{parse_header(column.header).name}_{unit.replace('/', '_')}, or say "
                 f"{suggest(f'unit:{column.header}={unit}')}."
             )
+        if column.unit == "%":
+            self._refuse_fractions(column, values)
         return values * UNITS[column.unit][1]
+
+    def _refuse_fractions(self, column: Column, values: NDArray[np.float64]) -> None:
+        """Refuse percent that is nowhere above 1: a spreadsheet shows 0.9 as 90 %, and writes 0.9."""
+        known = np.abs(values[np.isfinite(values)])
+        if column.key in OBSERVABLES and known.size and known.max() <= _OF_FRACTIONS:
+            raise DataError(
+                f"{self.cells.at(header=column.header)}: the header says percent, but no value is above "
+                f"{known.max():.3g}. If they are fractions take the % out of the header; if they are as "
+                "small as that, write them as fractions."
+            )
 
     def _numbers_of(self, column: Column) -> NDArray[np.float64]:
         """Numbers of a column as they stand in the file; codes for "not measured" are refused."""

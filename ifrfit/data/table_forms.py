@@ -18,6 +18,8 @@ from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array
 from ifrfit.physics.observables import OBSERVABLES
 
+_COUNTED = 4  # rows in order, 1, 2, 3, ..., from which a column of repeats numbers the lines
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -121,6 +123,12 @@ def repeats(layout: Layout) -> NDArray[np.int64]:
             "Give a whole number from 1, or leave the cell empty for one."
         ),
     )
+    if n.size >= _COUNTED and bool((np.diff(n) == 1.0).all()):
+        raise DataError(
+            f"{layout.cells.at(header=layout.header('n_repeats'))}: {n[0]:g}, {n[1]:g}, {n[2]:g}, ... number "
+            "the lines, and are taken for how many repeats each is the mean of. Call the column impact_id, "
+            "or leave it out."
+        )
     return n.astype(np.int64)
 
 

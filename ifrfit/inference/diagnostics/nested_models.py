@@ -75,7 +75,8 @@ class Pooling:
 def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     """Test one constant for all series against one each, of every free constant that they share.
 
-    The constant whose separation gains most is parted first, and the others are tested beside it. Tested is
+    The constant whose separation gains most is parted first, and the others are tested beside it; where none
+    gains alone, all of them together. Tested is
     the fall of the weighted sum of squares, at the noise of the wider model: by F, or by chi2 where sigma is
     known. p values are multiplied by the number of constants (Bonferroni). Where the score test, which takes
     the expansion about the shared constants in the place of a fit, sees nothing, its p value stands.
@@ -95,7 +96,7 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     while names:
         tested = []
         for name in names:
-            wider = now.with_parameters([replace(now.parameters[name], separate=True)])
+            wider = _parting(now, [name])
             p = score_test(now, wider, found, len(now.series) - 1)
             if p is None or p < WORTH_A_FIT:
                 fitted = fitted_test(now, wider, found, len(now.series) - 1)
@@ -111,6 +112,8 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
         parted.append(best)
         now, found = best.problem, best.fit
         names.remove(best.name)
+    if not parted and len(names) > 1:
+        parted = _parted_together(problem, names, found)
     if not smallest:
         return None
     figures = {"p": smallest, "separate": [one.name for one in parted]}
@@ -119,10 +122,10 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
         p = min(smallest.values())
         says = f"one {joined(list(smallest))} for all series (p = {p_text(p)})"
         return Pooling(Fact(True, says, figures, rule), "", now, found)
-    constants = joined([_parted_words(now, one, parted[-1].fit, count) for one in parted])
+    constants = joined([_parted_words(parted[-1], one, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
     fact = Fact(False, f"the series do not share {constants}: {remedy}", figures, rule)
-    return Pooling(fact, constants, now, found)
+    return Pooling(fact, constants, parted[-1].problem, parted[-1].fit)
 
 
 @dataclass(frozen=True)
@@ -135,9 +138,42 @@ class _Parted:
     p: float
 
 
-def _parted_words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> str:
+def _parted_together(problem: Problem, names: Sequence[str], found: LeastSquaresFit) -> list[_Parted]:
+    """Constants that only together differ, as e_n and mu of one kappa; none where they do not.
+
+    Of those that are parted, each that need not be is shared again.
+    """
+    more = len(problem.series) - 1
+    wider = _parting(problem, names)
+    p = score_test(problem, wider, found, more * len(names))
+    if p is None or p >= WORTH_A_FIT:
+        return []
+    fitted = fitted_test(problem, wider, found, more * len(names))
+    # one test more than there are constants
+    p = 1.0 if fitted is None else fitted[1] * (len(names) + 1) / len(names)
+    if fitted is None or len(names) * p >= REFUTED:
+        return []
+    widest, _ = fitted
+    kept = list(names)
+    for name in names:
+        rest = [other for other in kept if other != name]
+        shared = _parting(problem, rest)
+        again = fitted_test(shared, _parting(problem, kept), refit(shared, widest.sigma), more)
+        if rest and again is not None and again[1] >= REFUTED:
+            kept = rest
+    parted = _parting(problem, kept)
+    fit = refit(parted, widest.sigma)
+    return [_Parted(name, parted, fit, p) for name in kept]
+
+
+def _parting(problem: Problem, names: Sequence[str]) -> Problem:
+    """With constants of each series."""
+    return problem.with_parameters([replace(problem.parameters[name], separate=True) for name in names])
+
+
+def _parted_words(widest: _Parted, one: _Parted, count: int) -> str:
     """A constant with its value in each series by the widest fit, as far as they can be listed."""
-    p = f"p = {p_text(count * one.p)}"
+    problem, fit, p = widest.problem, widest.fit, f"p = {p_text(count * one.p)}"
     if len(problem.series) > _MOST_NAMED:
         return f"{one.name} ({p})"
     places = problem.parameters.positions[one.name]

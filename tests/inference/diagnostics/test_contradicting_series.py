@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import at_most, problem_of
+from factories import at_most, problem_of, rest_long, table_file
 from simulated import simulated
 
+from ifrfit import fit
 from ifrfit.inference.diagnostics.nested_models import pooling
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -74,3 +75,19 @@ def test_series_that_differ_are_told_at_three_sizes(policy, name, sizes, least):
     assert found == sorted(found)
     for one, limit in zip(found, least, strict=True):
         assert one >= limit
+
+
+@pytest.mark.parametrize("seed", rest_long(range(8)))
+def test_constants_that_only_together_differ(tmp_path, seed):
+    """One kappa from another e_n and mu: neither alone describes the second series (seeds 0, 1 and 7)."""
+    rng = np.random.default_rng(seed)
+    gamma = np.linspace(10.0, 75.0, 20)
+    parts = []
+    for name, e_n, mu, scatter in (("A", 0.9, 0.15, 0.02), ("B", 0.6, 0.285 / 1.6, 2e-4)):
+        beta = rebound(gamma, e_n=e_n, e_t=-0.75, mu=mu, degrees=True).beta
+        read = {"beta": beta + 0.02 * rng.standard_normal(20), "e_n": e_n + scatter * rng.standard_normal(20)}
+        parts.append(pd.DataFrame({"gamma_deg": gamma, "series": name} | read))
+    found = fit(table_file(tmp_path / "t.csv", pd.concat(parts)), method="lsq").facts["pooling"]
+    assert not found.ok
+    assert found.figures["separate"] == ["e_n", "mu"]
+    assert "0.600" in found.says or "0.599" in found.says
