@@ -15,7 +15,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
-_FEWEST = 10  # angles of which an order is more than chance
+_FEWEST = 12  # angles of which an order is more than chance
 
 
 def unrelated_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
