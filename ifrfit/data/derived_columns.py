@@ -49,13 +49,13 @@ def contradictions(table: pd.DataFrame, double: NDArray[np.bool_]) -> list[str]:
     said = []
     for name in dict.fromkeys(names[double]):
         rows = np.flatnonzero(double & (names == name) & (impacts >= 0))
+        if name in _MEASURED or rows.size < _FEWEST:
+            continue
         used = {
             each: _beside(table, impacts, rows, np.flatnonzero(~double & (names == each)))
             for each in (*_MEASURED, "beta_cm", "e_n")
             if each != name
         }
-        if name in _MEASURED or rows.size < _FEWEST:
-            continue
         made = OBSERVABLES[name].value(_reading(table.iloc[rows], used), np.full(rows.size, np.nan))
         given = table["value"].to_numpy(dtype=float)[rows]
         words = _difference(given, np.asarray(made), OBSERVABLES[name].unit == "deg")

@@ -76,10 +76,10 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     """Test one constant for all series against one each, of every free constant that they share.
 
     The constant whose separation gains most is parted first, and the others are tested beside it; where none
-    gains alone, all of them together. Tested is
-    the fall of the weighted sum of squares, at the noise of the wider model: by F, or by chi2 where sigma is
-    known. p values are multiplied by the number of constants (Bonferroni). Where the score test, which takes
-    the expansion about the shared constants in the place of a fit, sees nothing, its p value stands.
+    gains alone, all of them together. Tested is the fall of the weighted sum of squares, at the noise of the
+    wider model: by F, or by chi2 where sigma is known. p values are multiplied by the number of constants
+    (Bonferroni). Where the score test, which takes the expansion about the shared constants in the place of a
+    fit, sees nothing, its p value stands.
 
     Returns
     -------
@@ -157,9 +157,11 @@ def _parted_together(problem: Problem, names: Sequence[str], found: LeastSquares
     kept = list(names)
     for name in names:
         rest = [other for other in kept if other != name]
+        if not rest:
+            break
         shared = _parting(problem, rest)
         again = fitted_test(shared, _parting(problem, kept), refit(shared, widest.sigma), more)
-        if rest and again is not None and again[1] >= REFUTED:
+        if again is not None and again[1] >= REFUTED:
             kept = rest
     parted = _parting(problem, kept)
     fit = refit(parted, widest.sigma)
