@@ -18,6 +18,7 @@ from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, slopes
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.aitken import end_of_steps
 from ifrfit.inference.optimize.angle_offset import (
     AngleOffset,
     offset_at,
@@ -27,7 +28,7 @@ from ifrfit.inference.optimize.angle_offset import (
 )
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
-from ifrfit.inference.optimize.noise_modes import NoiseModes, end_of_steps, likely_sigma, noise_modes, phi
+from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve

@@ -23,6 +23,7 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.aitken import end_of_steps
 from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
@@ -39,8 +40,6 @@ from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 30  # weighted fits of one descent, at the most
-# Steps of the noises' logarithms that are followed to their end: largest ratio, longest, share off one line
-_STEADY, _SHORT, _ALIGNED = 0.9, 0.1, 0.01
 _AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
 _WIDELY = 12  # places all over the domain that are followed to a mode, the lowest after a few steps
 _ROUGH_STEPS = 4
@@ -198,15 +197,6 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
 def phi(problem: Problem, theta: Array) -> float:
     """Phi at theta, eq. (12)."""
     return _Search(problem).at(theta)[0]
-
-
-def end_of_steps(before: Array, step: Array) -> Array | None:
-    """What is left of steps that shrink by one ratio each (Aitken); None where they do not."""
-    ratio = float(step @ before) / max(float(before @ before), 1e-300)
-    off = step - ratio * before
-    if abs(ratio) > _STEADY or float(np.abs(step).max()) > _SHORT or off @ off > _ALIGNED * (step @ step):
-        return None
-    return np.asarray(step * ratio / (1.0 - ratio))
 
 
 def likely_sigma(problem: Problem, theta: Array) -> Array:

@@ -11,9 +11,9 @@ import numpy as np
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.optimize.search_objective import FollowingMu
 from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile

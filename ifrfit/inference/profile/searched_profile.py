@@ -10,9 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.batched_search import FollowingMu, Found
+from ifrfit.inference.optimize.batched_search import Found
 from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.optimize.search_objective import FollowingMu
 from ifrfit.inference.profile.objective import Misfit
 
 # the lowest places from which the search begins at each value, and at those looked at first

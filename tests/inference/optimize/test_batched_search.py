@@ -14,9 +14,12 @@ from strangers import draw
 
 from ifrfit.data import read
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, _Model, _Steps
+from ifrfit.inference.optimize.aitken import StepsBefore
+from ifrfit.inference.optimize.batched_search import BatchedSearch
+from ifrfit.inference.optimize.kinked_quadratic import KinkedQuadratic
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.multistart import multistart, starts
+from ifrfit.inference.optimize.search_objective import FollowingMu
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics import CLOSURES
 
@@ -108,7 +111,7 @@ def test_optima_on_kinks_are_those_of_the_certified_method(tmp_path, monkeypatch
     assert missed[kinks].max() < 1e-7
     assert (missed < 1e-7).mean() >= 0.95  # several minima: eight places do not find every best one
     # the control: without steps along kinks it stops short of them
-    monkeypatch.setattr(_Model, "kinks_ahead", property(lambda _: []))
+    monkeypatch.setattr(KinkedQuadratic, "kinks_ahead", property(lambda _: []))
     stopped = np.array([on_kinks(problem)[1] - certified for problem, (certified, *_) in
                         zip(problems, pairs, strict=True)])  # fmt: skip
     assert stopped[kinks].max() > 1e-4
@@ -224,14 +227,14 @@ def test_steps_that_shrink_by_one_ratio_are_summed(tmp_path, monkeypatch):
     path.write_text(draw(0, 39).text, encoding="utf-8")
     problem = problem_of(read(path), "maw", noise="known")
     number = []
-    model = _Model.of.__func__
-    monkeypatch.setattr(_Model, "of", classmethod(lambda *own: number.append(0) or model(*own)))
+    model = KinkedQuadratic.of.__func__
+    monkeypatch.setattr(KinkedQuadratic, "of", classmethod(lambda *own: number.append(0) or model(*own)))
     found, steps = multistart(problem, problem.noise.sigma), len(number)
     search = BatchedSearch.of(problem, problem.noise.sigma)
     z = search.objective(found.theta[None], NO_NOISE)[1]
-    rest = _Model.of(search, found.theta[None], z, np.empty((1, 0)), np.zeros(1)).promised
+    rest = KinkedQuadratic.of(search, found.theta[None], z, np.empty((1, 0)), np.zeros(1)).promised
     assert rest < 1e-15
-    monkeypatch.setattr(_Steps, "factor", lambda self, which, step, unit: np.ones(len(step)))
+    monkeypatch.setattr(StepsBefore, "factor", lambda self, which, step, unit: np.ones(len(step)))
     number.clear()
     plain = multistart(problem, problem.noise.sigma)
     assert steps < 0.5 * len(number)
