@@ -24,9 +24,8 @@ _MOST_SHARE = 0.6  # of the rows that may be meant in the other way
 _STARTS = 6  # places in the domain from which constants and choice are searched
 _ROUNDS = 8
 _GAIN = 4.0  # in chi2, by which the other reading of an impact has to be the better one
-_LOSS = (
-    -4.0
-)  # by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
+# by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
+_LOSS = -4.0
 _TALL = 1.5  # size from which a fraction may be in percent
 _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
 _FEWEST_LEFT = 6  # rows of the observable beside them
