@@ -203,7 +203,13 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     sticks = rows.tau * t[DIFFERENCE] <= t[INTERCEPT]
     errors = _standard_errors(fitted)
     slopes = [
-        Slope(float(t[place]), errors[place], _interval(fitted, place, errors[place]), expected)
+        Slope(
+            float(t[place]),
+            errors[place],
+            _interval(fitted, place, errors[place]),
+            expected,
+            {name: _p_value(fitted, place, ends) for name, ends in expected.items() if ends is not None},
+        )
         for place, expected in zip((SLIDING, DIFFERENCE), _expected(problems), strict=True)
     ]
     n_sticking = int(sticks.sum())
@@ -284,6 +290,18 @@ def _interval(fitted: _Fitted, place: int, error: float | None) -> Interval:
         end = next(x for x in far if abs(x - best) > abs(start - best))
         ends.append(float(brentq(above, start, end, xtol=1e-6 * abs(end - best) + 1e-12)))
     return ends[0], ends[1]
+
+
+def _p_value(fitted: _Fitted, place: int, ends: Interval) -> float:
+    """Of the slope that a closure allows nearest to the one found; 1 where it allows that."""
+    best = float(fitted.optimum.t[place])
+    nearest = min(max(best, ends[0]), ends[1])
+    if nearest == best:
+        return 1.0
+    rise = minimise(fitted.problem.with_fixed(place, nearest)).chi2 - fitted.optimum.chi2
+    if math.isinf(fitted.dof):
+        return float(special.chdtrc(1.0, max(rise, 0.0)))
+    return float(special.fdtrc(1.0, fitted.dof, max(rise, 0.0) / fitted.unit))
 
 
 def _expected(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from ifrfit.data import Source
+from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.io.json_text import write_json
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.model.rows import Array
@@ -109,12 +110,15 @@ class Slope:
         Of the profile; an end is infinite where it does not close.
     expected : mapping
         Closure to what it allows, (lowest, highest); None for a closure that has no straight line there.
+    p : mapping
+        Closure to the p value of the best that it allows.
     """
 
     value: float
     stderr: float | None
     interval95: Interval
     expected: Mapping[str, Interval | None]
+    p: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def determined(self) -> bool:
@@ -123,13 +127,8 @@ class Slope:
 
     @property
     def contradicts(self) -> tuple[str, ...]:
-        """Closures of which no constant gives a slope inside the interval."""
-        low, high = self.interval95
-        return tuple(
-            name
-            for name, ends in self.expected.items()
-            if ends is not None and (ends[1] < low - 1e-9 or ends[0] > high + 1e-9)
-        )
+        """Closures of which no constant gives a slope that the rows leave likely."""
+        return tuple(name for name, p in self.p.items() if p < REFUTED)
 
 
 @dataclass(frozen=True)

@@ -347,6 +347,6 @@ def _expected(slope: Slope) -> str:
         else:
             low, high = (fixed(end, 3).rstrip("0").rstrip(".") for end in ends)
             words = f"{low} to {high}"
-        against = " (contradicted)" if name in slope.contradicts else ""
+        against = f" (p = {p_text(slope.p[name])})" if name in slope.contradicts else ""
         wants.setdefault(words, []).append(title(name) + against)
     return "; ".join(f"{joined(names)}: {words}" for words, names in wants.items())

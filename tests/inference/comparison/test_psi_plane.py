@@ -104,6 +104,24 @@ def share_held(noise: str, repeats: int) -> int:
     return held
 
 
+def impacts_that_all_slide(closure: str, seed: int, **own: float):
+    gamma = np.linspace(10.0, 85.0, 16)
+    return observations(closure, gamma, ("beta",), sigma=0.05, seed=seed, e_n=0.5, mu=0.01, **own)
+
+
+def test_a_law_that_holds_is_not_contradicted_by_chance():
+    # a bend that noise makes of impacts that all slide lies beyond the 95 % interval one time in some twenty
+    below = 0
+    for seed in range(60):
+        plane = psi_plane([problem_of(impacts_that_all_slide("ifr", seed, e_t=-0.8), "ifr")])
+        for slope in (plane.sliding, plane.difference):
+            assert slope.contradicts == ()
+            below += slope.p["ifr"] < 0.05
+    assert below >= 1  # the control: at 95 % it would be
+    other = psi_plane([problem_of(impacts_that_all_slide("ifr", 0, e_t=-0.6), "f")])
+    assert other.sliding.contradicts == ("f",)
+
+
 def test_intervals_hold_the_slope_most_of_the_time():
     assert share_held("unknown", 12) >= 18  # fewer of 24 have a chance below 1e-4
 
