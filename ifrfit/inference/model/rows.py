@@ -104,7 +104,7 @@ class Rows:
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
         """The observables that occur, each with its rows and the incidence of those."""
         at = [self.rows_of(name) for name in self.names]
-        parts = [self.incidence.map(lambda part, own=_span(rows): part[..., own]) for rows in at]
+        parts = [self.incidence.take(_span(rows)) for rows in at]
         return tuple(zip(self.observables, at, parts, strict=True))
 
     def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:

@@ -67,7 +67,7 @@ def _usual(whole: ComparedFit) -> bool:
 
 
 def _sized(whole: ComparedFit) -> Iterator[tuple[Nuisance, Array]]:
-    """Slips with a size, each with the derivative of the values by it: one at a time, of rows there are many."""
+    """Slips with a size, each with the derivative of the values by it, one at a time."""
     fit = whole.fit
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
     every = (each for each in nuisances(whole.problem) if each.name not in fitted)
