@@ -109,33 +109,43 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     rows = problem.rows
     chance = _chance_to_agree(problem, found.sigma)
     speed = np.nan_to_num(problem.observations.table["speed_m_s"].to_numpy(dtype=float), nan=-1.0)
-    i = rows.incidence
-    keys = np.column_stack((rows.series, rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed))
-    members: dict[int, list[int]] = {}
-    for row, impact in enumerate(rows.impacts.tolist()):
-        members.setdefault(impact, []).append(row)
-    settings: dict[tuple[object, ...], list[list[int]]] = {}
-    for own in members.values():
-        own.sort(key=lambda row: tuple(keys[row]))
-        settings.setdefault(tuple(map(tuple, keys[own].tolist())), []).append(own)
-    repeated = [impacts for impacts in settings.values() if len(impacts) > 1]
-    if any(len(own[0]) == 1 and np.ptp(rows.value[own]) > 0.0 for own in map(np.array, repeated)):
+    key = _numbered(rows.repeated, rows.gamma_deg, speed)
+    order = np.lexsort((key, rows.impacts))
+    count = np.bincount(rows.impacts)[rows.impacts[order]]
+    expected, pairs = 0.0, 0
+    copies: list[tuple[int, int, int]] = []
+    for size in np.unique(count).tolist():
+        own = order[count == size].reshape(-1, size)  # rows of each impact, in the same order of all
+        setting = _numbered(*key[own].T)
+        among = np.bincount(setting)
+        own, setting = own[among[setting] > 1], setting[among[setting] > 1]
+        if not len(own):
+            continue
+        _, first, inverse = np.unique(setting, return_index=True, return_inverse=True)
+        value = _numbered(setting, *rows.value[own].T)
         # single readings that are repeated: an instrument's own steps may be coarser than the last decimal
-        repeated = [impacts for impacts in repeated if len(impacts[0]) > 1]
-    expected, pairs, copies = 0.0, 0, []
-    for impacts in repeated:
-        expected += 0.5 * len(impacts) * (len(impacts) - 1) * float(np.prod(chance[impacts[0]]))
-        first: dict[tuple[float, ...], int] = {}
-        for own in impacts:
-            value = tuple(rows.value[own].tolist())
-            pairs += first.get(value, 0)
-            first[value] = first.get(value, 0) + 1
-            if first[value] > 1:
-                copies.append(own[0])
+        if size == 1 and value.max() >= first.size:
+            continue
+        expected += float((0.5 * among * (among - 1))[setting[first]] @ chance[own[first]].prod(axis=1))
+        _, once, alike = np.unique(value, return_index=True, return_inverse=True)
+        equal = np.bincount(alike)
+        pairs += int((equal * (equal - 1) // 2).sum())
+        again = np.setdiff1d(np.arange(len(own)), once)
+        impact = rows.impacts[own[:, 0]]
+        copies += zip(impact[first[inverse[again]]], impact[again], own[again, 0].tolist(), strict=True)
     p = float(special.gammainc(pairs, expected)) if pairs and expected > 0.0 else 1.0
     if p >= REFUTED:
         return None
-    return _doubled(problem, copies, p)
+    return _doubled(problem, [row for _, _, row in sorted(copies)], p)
+
+
+def _numbered(*columns: Array | Index) -> Index:
+    """Rows of several columns as one number, from 0: rows of one number are alike in all."""
+    number = np.zeros(columns[0].size, dtype=np.intp)
+    for column in columns:
+        _, own = np.unique(column, return_inverse=True)
+        _, number = np.unique(number * (own.max() + 1) + own, return_inverse=True)
+    return number
 
 
 def _chance_to_agree(problem: Problem, sigma: Array) -> Array:

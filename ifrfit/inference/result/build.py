@@ -129,7 +129,7 @@ def summarize_optimum(
         statistics_of(problem, optimum, residuals, sticks),
         residuals,
         effect_lines(problem, optimum, conditions, derived),
-        pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1),
+        pd.concat([table, pd.DataFrame(columns, index=table.index, copy=False)], axis=1),
     )
 
 

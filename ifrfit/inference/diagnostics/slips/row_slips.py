@@ -138,10 +138,12 @@ def _readings(problem: Problem) -> Iterator[OtherReading]:
 def _read(problem: Problem, reading: OtherReading, at: Bool) -> Problem:
     """The question with some rows read in the other way."""
     rows = problem.rows
+    value = np.where(at, reading.value, rows.value)
+    if reading.observable:
+        return replace(problem, rows=replace(rows, value=value))
     gamma = np.clip(np.where(at, reading.gamma, rows.gamma_deg), 0.0, 90.0)
     spins = zip(reading.spin, (rows.incidence.spin_x, rows.incidence.spin_y), strict=True)
     incidence = Incidence.of(gamma, *(np.where(at, by * spin, spin) for by, spin in spins), degrees=True)
-    value = np.where(at, reading.value, rows.value)
     return replace(
         problem, rows=replace(rows, incidence=incidence, tau=incidence.tau, gamma_deg=gamma, value=value)
     )
@@ -196,10 +198,13 @@ def _divided(
     """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
     impacts = problem.rows.impacts
     at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
-    for _ in range(_ROUNDS):
+
+    def gain() -> Array:
         plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (problem, other))
-        gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
-        chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
+        return np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
+
+    for _ in range(_ROUNDS):
+        chosen = reading.possible & (np.bincount(impacts, gain()) > reading.gain)[impacts]
         if np.array_equal(chosen, at):
             break
         at = chosen
