@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.as_read import as_read, speeds, without_last_b
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Bool
+from ifrfit.inference.model.rows import Array, Bool, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
@@ -100,7 +100,7 @@ def _end_of_speeds(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     return None
 
 
-def _pile(value: Array, impacts: Array) -> Bool | None:
+def _pile(value: Array, impacts: Index) -> Bool | None:
     """Rows of the impacts at the largest value, where many are and the others hardly repeat."""
     _, first = np.unique(impacts, return_index=True)
     known = first[np.isfinite(value[first])]
