@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
@@ -40,12 +41,7 @@ class Readings:
     step: float
 
     def expected(self, at: float, half: float) -> float:
-        """How many readings the law and its noise put within a distance of a number, but for those there.
-
-        Nowhere is the density of readings below the one of those that are there.
-        """
-        from scipy import special
-
+        """How many readings the law and its noise put within a distance of a number."""
         z = (np.array([[at + half], [at - half]]) - self.fitted) / self.sigma
         return float((special.ndtr(z[0]) - special.ndtr(z[1])).sum())
 
