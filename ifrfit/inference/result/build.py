@@ -265,11 +265,12 @@ def _facts(
     by_hand = (
         "unrelated_readings",
         "duplicates",
+        "repeated_number",
+        "censoring",
         "slips",
         "angle_scatter",
         "angular_momentum",
         "rounded_readings",
-        "censoring",
         "truncation",
         "scatter_too_small",
     )

@@ -31,6 +31,7 @@ _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
 _FEWEST_LEFT = 6  # rows of the observable beside them
 _REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _NEIGHBOUR = 1.5  # steps of the readings up to which two of them are neighbours
+_USUAL = 5.0  # times the median distance of neighbours up to which one is one of these
 _COMFORTABLE = 0.01  # p of one mean of all rows, once some are read in the other way
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 
@@ -222,8 +223,9 @@ def missing_values(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
         repeated = count >= _REPEATED
         repeated[1:-1] = False
         if given.size > 1:  # the neighbour of another reading by one step of these readings is a reading, too
-            step = resolution(problem.rows.value[own])
-            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > _NEIGHBOUR * step
+            # and what is as close to the next one as these are to one another is an end of theirs
+            usual = max(_NEIGHBOUR * resolution(problem.rows.value[own]), _USUAL * np.median(np.diff(given)))
+            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > usual
         for code in given[(given == 0.0) | repeated].tolist():
             at = own[problem.rows.value[own] == code]
             if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < _FEWEST_LEFT:
