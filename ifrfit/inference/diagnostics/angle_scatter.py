@@ -19,6 +19,7 @@ from ifrfit.inference.diagnostics.angle_error_size import (
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
 from ifrfit.inference.diagnostics.mixture import drop_of_scattering_constant, mixture, suspicious_constants
+from ifrfit.inference.diagnostics.normal_restitution import OF_SPEEDS, hides_speeds
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import (
     drop_of_angle,
@@ -40,6 +41,7 @@ _FEWEST = 8  # impacts below which no errors of angles are looked for
 _TREND = 0.01  # p of a lack of fit that is left, from which the law is not the reason
 _WIDEST = 10.0  # degrees beyond which it is no error of reading
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
+_SPEEDS = f", as where {OF_SPEEDS} and no column holds speeds"
 # what explains the residuals as well, in words
 _ALIKE = {
     "mixture": "impacts of two kinds",
@@ -210,7 +212,10 @@ def _fact(
 ) -> Fact:
     size = float(f"{errors.size:.2g}")
     noise = _noise_words(problem, fit.sigma * errors.noise)
-    like = f", not told apart from {joined([_ALIKE[name] for name in alike], 'or')}" if alike else ""
+    words = [
+        _ALIKE[name] + (_SPEEDS if name == "constants" and hides_speeds(problem) else "") for name in alike
+    ]
+    like = f", not told apart from {joined(words, 'or')}" if words else ""
     of_rounding = f", as where they are rounded to {step:.0f} degrees" if step else ""
     says = (
         f"the values scatter as if each angle of incidence were off by an error of its own, some {size:.2g} "

@@ -103,8 +103,8 @@ FACTS = {
     "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01), or, where "
     f"all angles are multiples of 10, 5, 2 or 1 degrees, a fall of -2 log likelihood of {DECISIVE:g} with "
     "angles rounded to these; with errors of the size of largest likelihood no lack of fit (p >= 0.01), "
-    "slip, effect or other series is left; a sigma that is too small, errors of velocities or in proportion to the "
-    "value, outliers, "
+    "slip, effect or other series is left; a sigma that is too small, errors of velocities or in proportion "
+    "to the value, outliers, "
     f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named "
     f"beside it where they take no {ALIKE:g} less; errors of one size that sigma does not have take "
     f"{ALIKE:g} less",

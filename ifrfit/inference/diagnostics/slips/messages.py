@@ -334,6 +334,8 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             what = f"spin_{axis} (before) of the opposite sign in some of its {where}"
             return what, f"turn the sign round in these lines ({back})"
         what, remedy = _MIXED[name]
+        if name == "mixed-sign" and not problem.rows.incidence.spin_y.any():
+            remedy += ", unless they are later bounces, whose spin before impact belongs into a column spin_y"
         return f"{observable} {what} in some of its {where}".strip(), remedy
     if name.startswith("sign-of-spin"):
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"
