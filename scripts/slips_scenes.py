@@ -286,6 +286,19 @@ def _written(scene, cause, gamma, spin, lateral, speed, values, rng):
         gamma = 90.0 - gamma
     elif kind == "angle-in-radians":
         gamma = np.radians(gamma)
+    elif kind == "size-of-spin-y-before":
+        spin = np.abs(spin)
+    elif kind == "mixed-sign-of-spin-y-before":
+        spin = np.where(rng.random(n) < 1.0 / 3.0, -spin, spin)
+    elif kind == "mixed-squared":
+        third = rng.permutation(n) < n // 3
+        written[of] = np.where(third, written[of] ** 2, written[of])
+    elif kind == "sorted":
+        written[of] = np.sort(written[of])
+    elif kind == "shifted-down":
+        written[of] = np.roll(written[of], 1)
+    elif kind == "unrelated":
+        written[of] = rng.permutation(written[of])
     elif kind in ("angle-in-gon", "angles-in-gon"):
         gamma = gamma / 0.9
         if of:

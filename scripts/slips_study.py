@@ -96,6 +96,12 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         unsized("meant-beta_cm beta", centre),
         unsized("meant-beta beta_cm", beta),
         unsized("zero-for-missing beta", beta),
+        unsized("size-of-spin-y-before", spun),
+        unsized("mixed-sign-of-spin-y-before", spun),
+        unsized("mixed-squared e_n", Scene(("beta", "e_n"), fixed={})),
+        unsized("sorted beta", replace(beta, ordered=False)),
+        unsized("shifted-down beta", replace(beta, ordered=False)),
+        unsized("unrelated beta", beta, "unrelated_readings"),
     ]
     found += [unsized(f"{unit} spin_y_after", raw) for unit in UNITS]
     found += [
@@ -171,7 +177,11 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
         named.insert(0, "duplicates")
     if "angle_scatter" in failing:
         named.insert(0, "angle_scatter")
-    named += [name for name in ("independence", "mixture", "scatter_by_angle", "outliers") if name in failing]
+    named += [
+        name
+        for name in ("unrelated_readings", "independence", "mixture", "scatter_by_angle", "outliers")
+        if name in failing
+    ]
     return named, failing
 
 
