@@ -59,6 +59,7 @@ _ORDER = (
     "censoring",
     "truncation",
     "repeats",
+    "normal_restitution",  # says which constant it is that the data contradict
     "lack_of_fit",
     "independence",
     "mixture",
@@ -66,7 +67,6 @@ _ORDER = (
     "scatter_by_angle",
     "scatter_too_small",
     "scatter_too_large",
-    "normal_restitution",
     "outliers",
     "slips",
     "effects",
