@@ -191,14 +191,18 @@ class Rows:
         incidence = self.incidence.map(lambda part: part[..., rows])
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
 
-    @cached_property
+    @property
     def blocks(self) -> tuple[tuple[slice, Rows], ...]:
         """All rows in parts, for what needs so many numbers of each that it must not hold all at once.
 
         A part shares its arrays with the whole.
         """
         if len(self) <= _BLOCK:
-            return ((slice(None), self),)
+            return ((slice(None), self),)  # kept by itself it would be freed late
+        return self._parts
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[slice, Rows], ...]:
         places = (slice(first, first + _BLOCK) for first in range(0, len(self), _BLOCK))
         return tuple((place, self._at(place)) for place in places)
 
