@@ -163,5 +163,5 @@ def test_slips_and_series_are_compared_at_one_noise(tmp_path, seed):
         facts = fit(path, method="lsq", fix={"e_n": 0.9}, noise=noise).facts
         assert (
             "angle-scale" in facts["slips"].figures["called"]
-        )  # beside a scale of beta, which looks like it
+        )  # a scale of beta looks like it
         assert facts["pooling"].says.endswith("mend the slip in it first")
