@@ -12,6 +12,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 _STEPS = (10.0, 5.0, 2.0, 1.0)  # degrees, in which angles are rounded
 _FEWEST = 4  # different angles
 _PLACES = 21  # in a step
+_MOST = 20_000  # rows: of more, those of all places would fill the memory
 _ROUNDS = 12
 _HOPELESS = -60.0  # fall of -2 log likelihood at the constants of exact angles
 _AT_REST = 1e-2
@@ -20,7 +21,9 @@ _LOOSE = 1e-6
 
 
 def step_of_angles(problem: Problem) -> float:
-    """The largest of the usual steps that all angles are multiples of; 0 where they are of none."""
+    """The largest usual step that all angles are multiples of; 0 where there is none, or too many rows."""
+    if len(problem.rows) > _MOST:
+        return 0.0
     gamma = np.unique(problem.rows.gamma_deg[problem.rows.has_angle])
     if gamma.size < _FEWEST:
         return 0.0

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import table_file
+from factories import problem_of, table_file
 
 from ifrfit import fit, rebound
+from ifrfit.data import read
+from ifrfit.inference.diagnostics.rounded_angles import step_of_angles
 
 TRUTH = {"e_n": 0.9, "e_t": -0.7, "mu": 0.15}
 
@@ -47,3 +49,14 @@ def test_rounding_is_named_with_its_step(tmp_path, names, known):
 def test_angles_that_were_set_are_not_called_rounded(tmp_path, step, known):
     for seed in range(4):
         assert "angle_scatter" not in fitted(tmp_path, seed, step=step, known=known, rounded=False).facts
+
+
+def test_many_rows_do_not_fill_the_memory_with_their_places(tmp_path):
+    gamma = np.tile(np.arange(5.0, 85.0, 5.0), 1250)
+    beta = rebound(gamma, degrees=True, **TRUTH).beta + 0.05 * np.random.default_rng(0).standard_normal(
+        gamma.size
+    )
+    path = table_file(tmp_path / "impacts.csv", pd.DataFrame({"gamma_deg": gamma, "beta": beta}))
+    assert step_of_angles(problem_of(read(path), "ifr")) == 5.0
+    path = table_file(tmp_path / "more.csv", pd.DataFrame({"gamma_deg": [*gamma, 5.0], "beta": [*beta, 0.5]}))
+    assert step_of_angles(problem_of(read(path), "ifr")) == 0.0

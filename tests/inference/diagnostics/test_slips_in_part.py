@@ -161,7 +161,5 @@ def test_slips_and_series_are_compared_at_one_noise(tmp_path, seed):
     path = table_file(tmp_path / "t.csv", pd.concat(parts))
     for noise in (None, Noise(angles=AngleErrors("effective", sigma_deg=0.01))):
         facts = fit(path, method="lsq", fix={"e_n": 0.9}, noise=noise).facts
-        assert (
-            "angle-scale" in facts["slips"].figures["called"]
-        )  # a scale of beta looks like it
+        assert "angle-scale" in facts["slips"].figures["called"]  # a scale of beta looks like it
         assert facts["pooling"].says.endswith("mend the slip in it first")
