@@ -142,9 +142,8 @@ class SearchedSolver:
         """The lowest optimum of some replicates, with their number in the last entry, (m, p + 1)."""
         known = len(self.optima)
         places = np.concatenate((self.optima, self.others))
-        every = np.concatenate(
-            (np.tile(places, (which.size, 1)), np.repeat(which, len(places))[:, None]), axis=1
-        )
+        numbered = np.repeat(which.astype(float), len(places))[:, None]
+        every = np.concatenate((np.tile(places, (which.size, 1)), numbered), axis=1)
         dof = np.repeat(number, len(places), axis=0)
         value = np.concatenate([search.objective(every[at], dof[at])[0] for at in search.blocks(len(every))])
         value = np.nan_to_num(value, nan=np.inf).reshape(which.size, -1)
