@@ -20,7 +20,7 @@ BEGIN, END = "<!-- tables of scripts/slips_study.py -->", "<!-- end of the table
 E_N = {"e_n": 0.8}
 EFFECTS = ("viscoelastic", "plasticity", "rolling")
 # true of few rows, whatever their errors: held against the table without errors
-BY_DESIGN = ("identifiable", "noise_modes", "global_optimum")
+BY_DESIGN = ("identifiable", "noise_dof", "noise_modes", "global_optimum")
 OF_SEARCH = ("converged", "global_optimum")  # say how far the search came, and nothing of the data
 COARSER = 2.0  # times sigma at which a design still determines its constants, for a finding to be false
 BOUND = 0.95

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.diagnostics.nested_models import sharing
-from ifrfit.inference.diagnostics.optimum_facts import noise_converged
+from ifrfit.inference.diagnostics.optimum_facts import NO_INTEGRAL, noise_converged
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
@@ -18,7 +18,7 @@ from ifrfit.inference.posterior import (
     exact_posterior,
     log_evidence,
 )
-from ifrfit.inference.result.estimation import Estimation
+from ifrfit.inference.result.estimation import Estimation, Unresolved
 from ifrfit.inference.result.types import Fact
 
 if TYPE_CHECKING:
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 COARSE = 1e-3  # tolerance where the error model is not plain: every node costs all rows
 CHAINS = "chains.npz"
+_LOST, _FEWEST = (
+    1.0,
+    10.0,
+)  # error in sd from which, and effective draws below which, an integral says nothing
 
 
 def least_squares_estimation(optimum: LeastSquaresFit) -> Estimation:
@@ -77,6 +81,11 @@ def posterior_estimation(
         shared = sharing(problem, posterior.log_evidence, evidence_of)
     if shared is not None:
         diagnostics["sharing"] = shared
+    if posterior.error > _LOST or posterior.n_draws < _FEWEST:
+        names = (*problem.parameters.free_names, *(kappa.name for kappa in problem.parameters.kappas))
+        return Estimation(
+            "exact", None, diagnostics, unresolved=dict.fromkeys(names, Unresolved(NO_INTEGRAL))
+        )
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
 
 

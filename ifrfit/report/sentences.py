@@ -20,6 +20,7 @@ HEADLINES = {
     "global_optimum": "several sets of constants are equally good",
     "angle_offset": "the angle offset is not credible",
     "noise_modes": "several sets of constants explain the data",
+    "noise_dof": "a noise rests on one degree of freedom",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
     "pooling": "the series do not share their constants",
@@ -60,12 +61,14 @@ QUIET_FACTS = ("at_bound",)
 def places_of(estimate: Estimate) -> int | None:
     """Decimal places for the value and the interval of an estimate.
 
-    The standard deviation decides; without one the half width of the 95 % interval, or its finite end.
-    None where there is nothing to go by: the numbers are shown as they are.
+    The standard deviation decides, or half the half width of the 95 % interval where tails make it wider than
+    that; without one the half width, or its finite end. None where there is nothing to go by: the numbers are
+    shown as they are.
     """
-    if estimate.stderr is not None and math.isfinite(estimate.stderr) and estimate.stderr > 0.0:
-        return decimals(estimate.stderr)
     low, high = estimate.interval95
+    if estimate.stderr is not None and math.isfinite(estimate.stderr) and estimate.stderr > 0.0:
+        half = abs(high - low) / 2.0
+        return decimals(0.5 * half if 0.0 < half < estimate.stderr else estimate.stderr)
     ends = [end for end in (low, high) if math.isfinite(end)]
     width = abs(high - low) / 2.0 if len(ends) == 2 else abs(ends[0]) if ends else 0.0
     return decimals(width) if width > 0.0 and math.isfinite(width) else None

@@ -24,14 +24,13 @@ from ifrfit.inference.bootstrap.replicate_fits import (
     TOO_FEW,
     ReplicateFits,
 )
-from ifrfit.inference.bootstrap.schemes import ReplicateData
+from ifrfit.inference.bootstrap.schemes import ReplicateData, without_noise
 from ifrfit.inference.diagnostics.thresholds import AT_REST
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import BatchOptima, minimise, minimise_batch
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
-from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, is_separable, without_normal_rows
 from ifrfit.inference.optimize.piecewise import PiecewiseBatch, PiecewiseProblem
 from ifrfit.inference.optimize.solve import center_unmeasured, independent_groups
@@ -282,7 +281,7 @@ class BatchedSolver:
         theta, noise = np.zeros((m, p)), self._first_noise(replicates)
         reason, is_undetermined = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
         certified = np.zeros(m, dtype=bool)
-        refused, left = self._refused(replicates), np.arange(m)
+        refused, left = without_noise(self.problem, replicates), np.arange(m)
         for _ in range(_ITERATIONS):
             now = replicates.take(left)
             solved = self._solve_groups(now, noise[left])
@@ -388,20 +387,6 @@ class BatchedSolver:
             tells &= fine
         return new, tells
 
-    def _refused(self, replicates: ReplicateData) -> Bool:
-        """Which replicates have a noise that their rows cannot tell, as least squares would refuse them."""
-        refused = np.zeros(replicates.size, dtype=bool)
-        if replicates.counts is None:
-            return refused
-        for rows in self.groups.values():
-            inputs = inputs_of_rows(self.problem, rows)
-            points = _different(inputs, replicates.counts[:, rows])
-            few = points <= n_parameters_seen(self.problem, rows)
-            if few.any():
-                values = np.column_stack((inputs, self.problem.rows.value[rows]))
-                refused |= few & (_different(values, replicates.counts[:, rows]) <= points)
-        return refused
-
     def _undetermined(
         self, replicates: ReplicateData, solved: Sequence[GroupFits]
     ) -> tuple[NDArray[np.object_], Bool]:
@@ -436,12 +421,3 @@ class BatchedSolver:
         grazing = batched.always[(batched.always >= 0) & np.isinf(self.problem.rows.tau[batched.always])]
         slides = bool(left[batched.switching[n_stick:]].any() or left[grazing].any())
         return slides, bool(left[batched.switching[:n_stick]].any())
-
-
-def _different(columns: Array, counts: Array) -> Index:
-    """How many different rows there are among those that occur, in each replicate."""
-    _, code = np.unique(columns, axis=0, return_inverse=True)
-    code = code.reshape(-1)
-    order = np.argsort(code, kind="stable")
-    starts = np.flatnonzero(np.diff(code[order], prepend=-1))
-    return np.asarray((np.add.reduceat(counts[:, order], starts, axis=1) > 0.0).sum(axis=1))

@@ -14,6 +14,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
+from ifrfit.inference.bootstrap.searched_solver import SearchedSolver
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
@@ -24,6 +25,7 @@ from ifrfit.inference.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+Solver = BatchedSolver | SearchedSolver | SequentialSolver
 FitLot = Callable[[list[np.random.SeedSequence]], ReplicateFits]
 
 REPLICATES = 1000
@@ -118,11 +120,12 @@ def bootstrap(
     Notes
     -----
     Each replicate is fitted as the data were: all partitions into sticking and sliding, the least of them
-    certified by a bound on all others (1e-9 relative); `certified` counts. Where observables are curved, or
-    constants are shared by some series and not by others, replicates are fitted one by one, certified or not
-    as the fit of the data is. Bounds and fixed constants hold in every replicate; the means of priors are
-    drawn anew. Known noise stays as given: it weighs the rows, and the scatter is that of the data. A scaled
-    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of
+    certified by a bound on all others (1e-9 relative); `certified` counts. Where nothing is certified, all
+    are searched together, from the optima of the fit and the best of other places. Where constants are shared
+    by some series and not by others, replicates are fitted one by one, as the fit of the data is. Bounds and
+    fixed constants hold in every replicate; the means of priors are drawn anew. Known noise stays as given:
+    it weighs the rows, and the scatter is that of the data. A scaled or unknown noise is estimated again in
+    each replicate, from its own misfit over its own degrees of
     freedom. Wild weights keep the size of every residual: they tell nothing of the noise, which gets no
     draws. Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
     """
@@ -131,8 +134,8 @@ def bootstrap(
     if workers < 1:
         raise UsageError(f"--workers {workers}: at least one.")
     chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
-    solver = BatchedSolver.of(problem, found) or SequentialSolver.of(problem, found)
-    together = isinstance(solver, BatchedSolver)
+    solver = solver_of(problem, found)
+    together = not isinstance(solver, SequentialSolver)
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
     lots = [seeds[start : start + size] for start in range(0, replicates, size)]
@@ -145,9 +148,13 @@ def bootstrap(
     return _collect(problem, chosen, concatenate_fits(parts), seed)
 
 
-def fit_lot(
-    solver: BatchedSolver | SequentialSolver, scheme: Scheme, seeds: list[np.random.SeedSequence]
-) -> ReplicateFits:
+def solver_of(problem: Problem, found: LeastSquaresFit) -> Solver:
+    """The first that has a way to the optimum of this problem's replicates."""
+    together = BatchedSolver.of(problem, found) or SearchedSolver.of(problem, found)
+    return together or SequentialSolver.of(problem, found)
+
+
+def fit_lot(solver: Solver, scheme: Scheme, seeds: list[np.random.SeedSequence]) -> ReplicateFits:
     """Draw one replicate a seed, and fit them."""
     return solver.solve(draw_replicates(solver.problem, scheme, seeds))
 

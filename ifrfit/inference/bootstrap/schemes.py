@@ -15,6 +15,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
 
 Array = NDArray[np.float64]
 
@@ -103,6 +104,30 @@ def draw_replicates(
         shifts.append(shift)
         priors.append(scheme.prior + sd * rng.standard_normal(sd.size))
     return ReplicateData(_stacked(counts), _stacked(shifts), np.array(priors).reshape(len(seeds), -1))
+
+
+def without_noise(problem: Problem, replicates: ReplicateData) -> NDArray[np.bool_]:
+    """Which replicates have a noise that their rows cannot tell, as least squares would refuse them, (m,)."""
+    refused = np.zeros(replicates.size, dtype=bool)
+    if replicates.counts is None:
+        return refused
+    for rows in problem.noise_groups().values():
+        inputs = inputs_of_rows(problem, rows)
+        points = _different(inputs, replicates.counts[:, rows])
+        few = points <= n_parameters_seen(problem, rows)
+        if few.any():
+            values = np.column_stack((inputs, problem.rows.value[rows]))
+            refused |= few & (_different(values, replicates.counts[:, rows]) <= points)
+    return refused
+
+
+def _different(columns: Array, counts: Array) -> Index:
+    """How many different rows there are among those that occur, in each replicate."""
+    _, code = np.unique(columns, axis=0, return_inverse=True)
+    code = code.reshape(-1)
+    order = np.argsort(code, kind="stable")
+    starts = np.flatnonzero(np.diff(code[order], prepend=-1))
+    return np.asarray((np.add.reduceat(counts[:, order], starts, axis=1) > 0.0).sum(axis=1))
 
 
 def _stacked(rows: list[Array | None]) -> Array | None:

@@ -46,7 +46,7 @@ class SequentialSolver:
     @classmethod
     def of(cls, problem: Problem, found: LeastSquaresFit) -> SequentialSolver:
         """From the fit to the data as they are."""
-        return cls(problem, problem.parameters.free & ~_loose(problem, found.gaussian))
+        return cls(problem, problem.parameters.free & ~loose_entries(problem, found.gaussian))
 
     def solve(self, replicates: ReplicateData) -> ReplicateFits:
         """Fit every replicate, one by one."""
@@ -69,11 +69,11 @@ class SequentialSolver:
         except DataError:
             theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
             return ReplicateFits(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
-        is_undetermined = self.seen & _loose(drawn, found.gaussian)
+        is_undetermined = self.seen & loose_entries(drawn, found.gaussian)
         why = (
             NOISE_NOT_CONVERGED
             if not found.converged
-            else _why(drawn, found)
+            else why_open(drawn, found.optimum.theta)
             if is_undetermined.any()
             else ""
         )
@@ -103,16 +103,16 @@ def replicate(problem: Problem, replicates: ReplicateData, number: int) -> Probl
     )
 
 
-def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
+def loose_entries(problem: Problem, local: GaussianApproximation) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
     return np.asarray((share > _LOADED * problem.parameters.prior_sd[:, None]).any(axis=1))
 
 
-def _why(drawn: Problem, found: LeastSquaresFit) -> str:
+def why_open(drawn: Problem, theta: Array) -> str:
     """Why a replicate leaves a constant open."""
     oblique = drawn.rows.is_oblique
-    _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
+    _, sticks = drawn.impulse(*drawn.per_row(theta))
     if oblique.any() and sticks[oblique].all():
         return NO_SLIDING
     if (

@@ -8,7 +8,7 @@ import numpy as np
 
 from ifrfit.inference.bootstrap.estimator import Array, BootstrapDraws
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
-from ifrfit.inference.diagnostics.optimum_facts import noise_converged, only_kappa_is_seen
+from ifrfit.inference.diagnostics.optimum_facts import ALL_ALIKE, noise_converged, only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
@@ -20,6 +20,8 @@ from ifrfit.inference.result.types import Fact
 _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
 _ON_BOUND = 1e-9  # within which a replicate lies on the end of its domain
 _FEWEST = 20  # replicates with an answer below which they say nothing
+
+_ONE_VALUE = 1e-12  # relative range of replicates that are one
 
 GAUSSIAN = (
     "Draws and bands are those of the Gaussian around the optimum: replicates say nothing of what the data "
@@ -39,7 +41,8 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
     interval, and nobody knows how far.
     """
     enough = found.answered >= _FEWEST
-    predicts = enough and not _leaves_open(found.problem, optimum.gaussian)
+    alike = _alike(found) if enough and found.scheme.shortage else set()
+    predicts = enough and not alike and not _leaves_open(found.problem, optimum.gaussian)
     warnings = (SEPARATED,) if found.scheme.splits_impacts else ()
     bounded = _on_bounds(found) if enough else {}
     if bounded:
@@ -48,20 +51,31 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
         warnings = (*warnings, ANSWERED)
+    draws = {name: each for name, each in found.draws.items() if not (_is_noise(name) and name in alike)}
     short = found.scheme.shortage
     says = f"too few to draw from: {short}" if short else "enough to draw from"
     return Estimation(
         "bootstrap",
-        Draws.of(found.problem, found.draws) if enough else None,
+        Draws.of(found.problem, draws) if enough else None,
         {
             "converged": _converged(found, noise_converged(optimum)),
             "resampling": Fact(not short, says, {"scheme": found.scheme.name}, FACTS["resampling"]),
         },
         predicts=predicts,
-        unresolved=_unresolved(found),
+        unresolved={**_unresolved(found), **{name: Unresolved(ALL_ALIKE) for name in alike - {*bounded}}},
         local=tuple(bounded),
         warnings=warnings,
     )
+
+
+def _alike(found: BootstrapDraws) -> set[str]:
+    """Quantities of which every replicate has the same value: no replicate tells how uncertain they are."""
+    every = {**found.draws, **found.kappas}
+    return {name for name, x in every.items() if np.ptp(x) <= _ONE_VALUE * np.abs(x).max(initial=1.0)}
+
+
+def _is_noise(name: str) -> bool:
+    return name.startswith("noise")
 
 
 def _on_bounds(found: BootstrapDraws) -> dict[str, int]:

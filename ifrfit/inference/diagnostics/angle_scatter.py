@@ -30,7 +30,7 @@ from ifrfit.inference.diagnostics.rival_scatter import (
 )
 from ifrfit.inference.diagnostics.rounded_angles import rounding_errors, step_of_angles
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
-from ifrfit.inference.model.noise import NoiseModel
+from ifrfit.inference.model.noise import NoiseModel, resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_sigma, refit
@@ -40,6 +40,7 @@ from ifrfit.text import joined, p_text
 _FEWEST = 8  # impacts below which no errors of angles are looked for
 _TREND = 0.01  # p of a lack of fit that is left, from which the law is not the reason
 _WIDEST = 10.0  # degrees beyond which it is no error of reading
+_LEAST = 0.1  # share of an observable's scatter below which the noise that is left is no number to give
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
 _SPEEDS = f", as where {OF_SPEEDS} and no column holds speeds"
 # what explains the residuals as well, in words
@@ -129,6 +130,8 @@ def angle_scatter(
             at_theta = AngleSlopes.of(problem, again.optimum.theta, fit.sigma)
             if step == 0.0:
                 errors = fitted_errors(at_theta, before, unknown)
+        if _rounds(problem, fit, fit.sigma * errors.noise):
+            return None  # equal readings where no angle matters are those of one cell
         rivals = _rivals(problem, fit, slopes, causes, errors)
         if any(excess > ALIKE for excess, _ in rivals.values()):
             return None
@@ -211,7 +214,7 @@ def _fact(
     step: float,
 ) -> Fact:
     size = float(f"{errors.size:.2g}")
-    noise = _noise_words(problem, fit.sigma * errors.noise)
+    noise = _noise_of_each(problem, fit.sigma * errors.noise)
     words = [
         _ALIKE[name] + (_SPEEDS if name == "constants" and hides_speeds(problem) else "") for name in alike
     ]
@@ -220,7 +223,7 @@ def _fact(
     says = (
         f"the values scatter as if each angle of incidence were off by an error of its own, some {size:.2g} "
         f"degrees{of_rounding}{like} (p = {p_text(p)}; -2 log likelihood falls by {errors.drop:.3g}): "
-        f"{_remedy(problem, fit, size, noise, with_factor=with_factor)}"
+        f"{_remedy(problem, fit, size, _sigma_words(problem, fit, noise), with_factor=with_factor)}"
     )
     figures = {
         "p": p,
@@ -233,7 +236,29 @@ def _fact(
     return Fact(False, says, figures, FACTS["angle_scatter"])
 
 
-def _noise_words(problem: Problem, sigma: Array) -> dict[str, float]:
+def _rounds(problem: Problem, fit: LeastSquaresFit, noise: Array) -> bool:
+    """Whether readings that scatter by less than their last decimal are left next to no noise."""
+    for rows in problem.groups().values():
+        step = resolution(problem.rows.value[rows])
+        scatter, left = (float(np.sqrt((each[rows] ** 2).mean())) for each in (fit.sigma, noise))
+        if scatter < step and left < _LEAST * scatter:
+            return True
+    return False
+
+
+def _sigma_words(problem: Problem, fit: LeastSquaresFit, noise: Mapping[str, float]) -> str:
+    """A sigma of each observable; where next to nothing is left, a share of all its scatter."""
+    of_all = _noise_of_each(problem, fit.sigma)
+    least = {name: _LEAST * of_all[name] for name in noise}
+    return joined(
+        [
+            f"{sigma:.2g} for {name}" if sigma >= least[name] else f"{least[name]:.1g} or less for {name}"
+            for name, sigma in noise.items()
+        ]
+    )
+
+
+def _noise_of_each(problem: Problem, sigma: Array) -> dict[str, float]:
     """Noise of each observable without that of the angles; of each series, where it is one of each."""
     if problem.noise.separate:
         return group_sigma(problem, sigma)
@@ -241,9 +266,7 @@ def _noise_words(problem: Problem, sigma: Array) -> dict[str, float]:
     return {name: float(np.sqrt((sigma[own] ** 2).mean())) for name, own in rows.items()}
 
 
-def _remedy(
-    problem: Problem, fit: LeastSquaresFit, size: float, noise: Mapping[str, float], *, with_factor: bool
-) -> str:
+def _remedy(problem: Problem, fit: LeastSquaresFit, size: float, sigmas: str, *, with_factor: bool) -> str:
     """The options that count errors of this size, with what they need."""
     stated = problem.rows.sigma_gamma_deg[problem.rows.has_angle]
     several = problem.noise.is_mixed or len(problem.noise_groups()) > 1
@@ -253,8 +276,7 @@ def _remedy(
     else:
         options.append(f"--sigma-gamma {size:.2g}")
     if several:
-        each = joined([f"{sigma:.2g} for {name}" for name, sigma in noise.items()])
-        needs.append(f"with a sigma in every row, as {each}")
+        needs.append(f"with a sigma in every row, as {sigmas}")
     if several or with_factor:
         options.append("--noise scaled")
     if fit.angle_offset is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
@@ -471,6 +472,7 @@ def prior_conflict(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     if not taken or not problem.error_model.is_plain:
         return None
     contradicted: dict[str, tuple[float, str]] = {}
+    whole, drop = ComparedFit.of(problem, found), 0.0
     for each in taken:
         wider = problem.with_parameters([_free(each)])
         k = len(problem.series) if each.separate else 1
@@ -480,13 +482,14 @@ def prior_conflict(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         fitted = fitted_test(problem, wider, found, k)
         if fitted is not None and len(taken) * fitted[1] < REFUTED:
             bound = _bound(each, problem, found.optimum.theta)
+            drop = max(drop, whole.likelihood - ComparedFit(wider, fitted[0], whole.misfit).likelihood)
             contradicted[each.name] = (
                 len(taken) * fitted[1],
                 _known_words(each, wider, *fitted, len(taken), bound),
             )
     if not contradicted:
         return None
-    figures = {"p": {name: p for name, (p, _) in contradicted.items()}}
+    figures = {"p": {name: p for name, (p, _) in contradicted.items()}, "drop": drop}
     ordered = sorted(contradicted.values())
     says = "; or ".join(words for _, words in ordered)
     return Fact(False, f"the data contradict {says}", figures, FACTS["prior_conflict"])

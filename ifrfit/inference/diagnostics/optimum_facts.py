@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.thresholds import FACTS, PULL, RIVAL
+from ifrfit.inference.diagnostics.thresholds import FACTS, FEW_DOF, PULL, RIVAL
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -14,13 +14,18 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof
 from ifrfit.inference.optimize.noise_modes import noise_at_mode
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.text import joined, plus_minus
 
+# of methods that failed, which say nothing of the data
+ALL_ALIKE = "every replicate is the same: there is too little to draw from"
+NO_INTEGRAL = "the integral of the posterior did not converge"
+
 _ROOM = 1e-3  # degrees to the end of its domain within which an offset lies on it
 _DISTANCE = 3.0  # sd between modes, in at least one constant, that are no kinks of one hill
+_COVERED, _MANY = (20.0, 70.0), 8  # degrees between which lie all angles, and of how many
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
 
@@ -33,6 +38,24 @@ def noise_converged(found: LeastSquaresFit) -> Fact:
         what = "weights of least squares have" if is_known else "noise has"
         says = f"the {what} not settled: the last step was still one of {100.0 * found.change:.2g} %"
     return Fact(found.converged, says, {"change": found.change}, FACTS["converged"])
+
+
+def few_degrees_of_freedom(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Unknown noises that rest on one degree of freedom: no sd tells what they may be; None without any."""
+    if not problem.error_model.is_plain:
+        return None
+    each = zip(problem.noise_groups(), group_dof(problem, found).tolist(), strict=True)
+    few = {name: dof for name, dof in each if dof < FEW_DOF}
+    if not few:
+        return None
+    several = len(problem.series) > 1
+    named = [f"of {name if several else name.rpartition('/')[2]}" if name else "over sigma" for name in few]
+    says = (
+        f"the noise {joined(named)} rests on 1 degree of freedom: its size is a guess, and so is every sd "
+        "that rests on it. Go by the 95 % intervals, which have the tails of Student's t; a sigma, or more "
+        "impacts, would tell more"
+    )
+    return Fact(False, says, {"dof": few}, FACTS["noise_dof"])
 
 
 def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
@@ -151,11 +174,12 @@ def identifiable(
     *,
     slip: bool = False,
     too_large: float = 1.0,
+    misfit: bool = False,
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy.
 
     With a slip in the table nothing is advised but to mend that first; nor with a sigma that is too large,
-    by a factor, where nothing else leaves them open.
+    by a factor, where nothing else leaves them open; nor, with a `misfit`, further angles beside many.
     """
     local = fit.gaussian
     n_free = int(problem.parameters.free.sum())
@@ -164,7 +188,7 @@ def identifiable(
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
-    if slip and (local.rank < n_free or _limits(problem, constants)):
+    if slip and (local.rank < n_free or _limits(problem, constants, misfit=misfit)):
         says = "the data do not determine every constant as the table stands: mend the slip in it first"
         return Fact(False, says, figures, FACTS["identifiable"])
     if too_large > 1.0 and local.rank < n_free:
@@ -173,26 +197,53 @@ def identifiable(
             says = "the data do not determine every constant with sigma as given: mend sigma first"
             return Fact(False, says, figures, FACTS["identifiable"])
     if local.rank == n_free:
-        limits = _limits(problem, constants)
+        limits = _limits(problem, constants, misfit=misfit)
         says = limits or "the data determine every free constant"
         return Fact(not limits, says, figures, FACTS["identifiable"])
-    return Fact(False, _advice(problem, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
+    advice = _advice(problem, loose, n_sticking, n_sliding, misfit=misfit)
+    return Fact(False, advice, figures, FACTS["identifiable"])
 
 
-def _limits(problem: Problem, constants: Constants) -> str:
+def _limits(problem: Problem, constants: Constants, *, misfit: bool) -> str:
     """What to say where the optimum looks determined, but the data go on beyond it nearly as well."""
     says = []
     for name, estimate in by_entry(constants).items():
-        if estimate.value is not None:
+        if estimate.value is not None or estimate.reason in (ALL_ALIKE, NO_INTEGRAL):
             continue
         if quantity_of(name) == "mu" and math.isinf(estimate.interval95[1]):
             says.append(
                 f"no impact surely slides, so the data set only a lower limit to {name}: "
-                f"measure beyond {_steepest(problem):.0f} degrees"
+                f"{_beyond(problem, misfit=misfit)}"
             )
         else:
-            says.append(f"{name}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller")
+            more = _more(problem, ", or a sigma that is smaller", misfit)
+            says.append(f"{name}: {estimate.reason}; {more}")
     return "; ".join(says)
+
+
+def _beyond(problem: Problem, *, misfit: bool) -> str:
+    """What to measure where no impact slides."""
+    if misfit and _covers_angles(problem):
+        return _more(problem, "", misfit)
+    return f"measure beyond {_steepest(problem):.0f} degrees"
+
+
+def _more(problem: Problem, also: str, misfit: bool) -> str:
+    """What to measure where constants stay open: no other angles where all are there."""
+    if not _covers_angles(problem):
+        return f"add impacts at other angles{also}"
+    gamma = problem.rows.gamma_deg[problem.rows.is_oblique]
+    there = f"angles from {gamma.min():.0f} to {gamma.max():.0f} degrees are there already"
+    if misfit:
+        return f"{there}, so see first why the law does not describe them"
+    return f"{there}: more impacts or smaller errors would tell"
+
+
+def _covers_angles(problem: Problem) -> bool:
+    """Whether there are so many angles, near the normal and far from it, that others would tell no more."""
+    gamma = np.unique(problem.rows.gamma_deg[problem.rows.is_oblique])
+    low, high = _COVERED
+    return gamma.size >= _MANY and bool(gamma[0] <= low and gamma[-1] >= high)
 
 
 def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
@@ -210,7 +261,7 @@ def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
     return " ".join(parts)
 
 
-def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int) -> str:
+def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int, *, misfit: bool) -> str:
     """What is open, why, and what to measure."""
     observed = ", ".join(problem.rows.names)
     says = []
@@ -227,10 +278,9 @@ def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int)
     elif "e_n" in alone:
         says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
     if n_sliding == 0 and n_sticking > 0 and closure.bilinear:
-        steepest = _steepest(problem)
         says.append(
             "no impact slides, and sticking impacts say only how large mu must at least be: "
-            f"measure beyond {steepest:.0f} degrees"
+            f"{_beyond(problem, misfit=misfit)}"
         )
     elif n_sticking == 0 and n_sliding > 0 and own and not closure.acts_in_sliding(j):
         says.append(f"no impact sticks, and {own} shows only in sticking: measure nearer to the normal")
@@ -244,7 +294,7 @@ def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int)
         elif not says:
             kind = "the combination " if any(" " in name for name in loose) else ""
             verb = "stays" if len(loose) == 1 else "stay"
-            says.append(f"{kind}{' and '.join(loose)} {verb} loose: add impacts at other angles")
+            says.append(f"{kind}{' and '.join(loose)} {verb} loose: {_more(problem, '', misfit)}")
     if not says:
         says.append(f"loose: {', '.join(loose)}")
     return "; ".join(says)

@@ -197,10 +197,21 @@ def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, b
     elif not brief and so_far.tell("prior_conflict", prior_conflict(problem, found)):
         so_far.withdraw("effects")
         so_far.causes = ["known"]
+        _before_slip(so_far)
     so_far.tell("beyond_closure", beyond_closure(problem, found))
     if not so_far.has_slipped and so_far.tell("unrelated_readings", unrelated_readings(problem, found)):
         so_far.withdraw("effects", "pooling")
         so_far.causes = ["order"]
+
+
+def _before_slip(so_far: _Findings) -> None:
+    """Tell what was taken for known before a slip that explains no more than its being wrong does."""
+    conflict, slips = so_far.facts["prior_conflict"], so_far.facts.get("slips")
+    if slips is None or slips.ok:
+        return
+    if slips.figures["tests"][slips.figures["called"][0]]["drop"] <= conflict.figures["drop"] + ALIKE:
+        so_far.withdraw("slips")
+        so_far.facts["prior_conflict"] = replace(conflict, says=f"{conflict.says}; else {slips.says}")
 
 
 def _angular_momentum(problem: Problem, slips: Fact | None) -> Fact:

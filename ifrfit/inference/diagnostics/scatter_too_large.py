@@ -18,6 +18,7 @@ from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfi
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
+from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
@@ -45,13 +46,13 @@ def scatter_too_large(
 ) -> Rescattered | None:
     """Whether a known sigma alone contradicts the fit: at the noise of the scatter nothing else does.
 
-    The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
-    taken from the scatter (a common factor; one for each observable, where the sigma of some are right) there
-    is no lack of fit (p >= 0.05), neighbours are not alike and there is no outlier, and the middle half of
-    the residuals is as wide as the rest (to a factor of 0.6); or a noise that changes with the angle leaves
-    no outlier, and is told by a fact of its own. Where errors of one size take `ALIKE` more off -2 log
-    likelihood than a factor on sigma, they are taken; else a few outliers without which chi2 is as it should
-    be are told in its place.
+    The mirror of `scatter_too_small`, also where only some rows have a sigma. chi2 refutes the fit, no slip
+    or effect explains it, and with the noise taken from the scatter (a common factor; one for each
+    observable, where the sigma of some are right) there is no lack of fit (p >= 0.05), neighbours are not
+    alike and there is no outlier, and the middle half of the residuals is as wide as the rest (to a factor of
+    0.6); or a noise that changes with the angle leaves no outlier, and is told by a fact of its own. Where
+    errors of one size take `ALIKE` more off -2 log likelihood than a factor on sigma, they are taken; else a
+    few outliers without which chi2 is as it should be are told in its place.
 
     Parameters
     ----------
@@ -64,10 +65,10 @@ def scatter_too_large(
     Returns
     -------
     Rescattered or None
-        None where sigma is not known, or something else may be the reason.
+        None where no sigma is known, or something else may be the reason.
     """
     lack = found.get("lack_of_fit")
-    plain = problem.noise.is_known and problem.error_model.is_plain
+    plain = problem.noise.is_given.any() and problem.error_model.is_plain
     if not plain or lack is None or "unrelated_readings" in found:
         return None
     chi2, dof = chi2_of_given(problem, fit, residuals)
@@ -85,9 +86,9 @@ def scatter_too_large(
         return None
     if not is_level and are_all_that_misfits(found.get("outliers")):
         return None
-    scattered = problem.with_noise(
-        replace(problem.noise, policy="scaled" if of_all and not is_level else "unknown")
-    )
+    squares, own_dof = np.sum([each[name] for name in wide], axis=0).tolist()
+    factor = math.sqrt(squares / own_dof)
+    scattered = problem.with_noise(_noise_of_scatter(problem, wide, factor, of_all=of_all, level=is_level))
     try:
         again = least_squares(scattered, proven=False)
     except DataError:  # too few rows to tell their noise
@@ -100,9 +101,8 @@ def scatter_too_large(
     # no rows are to be apart from the others, at an even noise or one that changes with the angle
     if not (outliers(scattered, again, left).ok and _is_even(left)) and not (uneven and uneven.outliers.ok):
         return None
-    squares, own_dof = np.sum([each[name] for name in wide], axis=0).tolist()
-    factor, p_chi2 = math.sqrt(squares / own_dof), min(lack.figures["p"], *p_each.values())
-    which = "the values" if of_all else f"the values of {joined(wide)}"
+    p_chi2 = min(lack.figures["p"], *p_each.values())
+    which = "the values" if of_all and problem.noise.is_known else f"the values of {joined(wide)}"
     why, remedy = "sigma is too small, or something scatters that it leaves out", ""
     if is_level:
         why = (
@@ -113,13 +113,28 @@ def scatter_too_large(
         why = f"sigma is too small, or impacts differ in speed, which no column holds: {OF_SPEEDS}"
     if uneven is None:
         anew = ", and looks for errors of the angles anew" if is_level else ""
-        remedy = f"; --noise {scattered.noise.policy} takes its size from the scatter{anew}"
+        by_hand = f" multiply it by {factor:.2g}, or" if scattered.noise.is_mixed else ""
+        policy = "unknown" if scattered.noise.is_mixed else scattered.noise.policy
+        remedy = f";{by_hand} --noise {policy} takes its size from the scatter{anew}"
     says = (
         f"{which} scatter {factor:.2g} times more than their sigma, without a trend (chi2 = {squares:.3g} "
         f"for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): {why}{remedy}"
     )
     figures = {"p": p_chi2, "chi2": squares, "dof": own_dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)
+
+
+def _noise_of_scatter(
+    problem: Problem, wide: list[str], factor: float, *, of_all: bool, level: bool
+) -> NoiseModel:
+    """The noise with its size from the scatter; beside rows without a sigma that of `wide` times a factor."""
+    noise = problem.noise
+    if level or noise.is_known:
+        return replace(noise, policy="scaled" if of_all and not level else "unknown")
+    times = np.where(
+        np.isin(problem.rows.which, [problem.rows.names.index(name) for name in wide]), factor, 1.0
+    )
+    return replace(noise, sigma=noise.sigma * times)
 
 
 def _is_even(residuals: Residuals) -> bool:

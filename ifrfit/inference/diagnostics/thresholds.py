@@ -17,6 +17,7 @@ ESS = 2000
 LENGTH = 50
 STABLE = 0.2
 PULL = 3.0
+FEW_DOF = 1.5
 COARSE = 0.6
 TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
@@ -55,6 +56,8 @@ FACTS = {
     f"<= {NOISE_GAP:g}",
     "noise_modes": "stands only where it fails: modes of the likelihood that lie 3 sd apart in a constant, "
     f"each with a weight (height times volume of the Gaussian about it) of {100 * RIVAL:g} % or more",
+    "noise_dof": f"stands only where it fails: an unknown noise keeps fewer than {FEW_DOF:g} degrees of "
+    "freedom, its rows less what the constants take of them",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
@@ -64,7 +67,8 @@ FACTS = {
     "unrelated_readings": "stands only where it fails: of the readings of an observable that knows the angle "
     f"neither the law nor a smooth curve over the angle explains anything (F, p >= {BY_CHANCE:g} against the "
     f"mean of each series), while the law's own values in the order of the readings' sizes leave less than "
-    f"{BY_RANK:g} of their scatter; looked for where no slip is found",
+    f"{BY_RANK:g} of their scatter, and the law at the constants that the other observables tell, if "
+    f"they do, would show beside such a scatter (F, p < {BY_CHANCE**2:g}); looked for where no slip is found",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
     "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
     "spline, 3 degrees of freedom) and of the runs test, or of tosses of a coin where all residuals of an "
@@ -135,8 +139,8 @@ FACTS = {
     f"a constant that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the "
     "table with another sign, with angles from the wall, in radians or in gon, percent, squares, sizes "
     "without sign, values sorted by themselves or shifted by a line, exchanged columns, spins in other "
-    "units, centre for contact point, 0 or one repeated number for 'not measured'; in the table and in each "
-    "of its series, p "
+    "units, centre for contact point, total restitution for the normal one, 0 or one repeated number for "
+    "'not measured'; in the table and in each of its series, p "
     "times their number; for signs, angles, percent, squares and spins of the other sign in some rows, too, "
     "beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.quadratic_forms import smooth_departure
 from ifrfit.inference.diagnostics.slips.alternatives import in_any_order
 from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit
 from ifrfit.inference.diagnostics.thresholds import BY_CHANCE, BY_RANK, FACTS
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
@@ -23,7 +24,8 @@ def unrelated_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
     That is what rows in a random order leave, where a column was sorted or shuffled by itself. Readings that
     scatter about one value are none of them: where all impacts stick there is nothing to explain. So they are
-    to be the law's own values in another order: sorted by size, these leave little of their scatter.
+    to be the law's own values in another order: sorted by size, these leave little of their scatter. Nor are
+    readings whose scatter the law's range lies within, by the constants that the other observables tell.
 
     Returns
     -------
@@ -42,7 +44,9 @@ def unrelated_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         about = _about_means(own, problem.rows.value[rows])
         scatter = float(np.sqrt((about**2).mean()))
         p = min(_p_of_law(problem, about, residual[rows]), _p_of_curve(problem, rows, own, about))
-        if p >= BY_CHANCE and _left_by_rank(problem, found, observable.name, rows) <= BY_RANK * scatter:
+        if p < BY_CHANCE or _left_by_rank(problem, found, observable.name, rows) > BY_RANK * scatter:
+            continue
+        if _would_show(problem, rows, own, scatter):
             named[observable.name] = (p, scatter)
     if not named:
         return None
@@ -79,6 +83,24 @@ def _left_by_rank(problem: Problem, found: LeastSquaresFit, name: str, rows: Ind
     """Root mean square of what the law leaves of readings that are beside another's angle, by rank."""
     _, after = ComparedFit.of(problem, found).of_alternative(in_any_order(problem, name))
     return float(np.sqrt((after[rows] ** 2).mean()))
+
+
+def _would_show(problem: Problem, rows: Index, own: Array, scatter: float) -> bool:
+    """Whether the law could be seen in readings beside their own angles: no range within their scatter.
+
+    That is the law of the constants that the other observables tell; where these do not, it is taken to be.
+    """
+    others = np.setdiff1d(np.arange(len(problem.rows)), rows)
+    try:
+        again = least_squares(problem.with_rows(others), proven=False) if others.size else None
+    except DataError:  # too few rows to tell their noise
+        again = None
+    k = int(problem.parameters.free.sum())
+    if again is None or again.gaussian.rank < k:
+        return True
+    law = float((_about_means(own, problem.predict(again.optimum.theta)[rows]) ** 2).mean())
+    dof, noise = max(rows.size - k - 1, 1), max(scatter**2 - law, 1e-300)
+    return float(special.fdtrc(k, dof, law / k / (noise / dof))) < BY_CHANCE**2
 
 
 def _p_of_curve(problem: Problem, rows: Index, series: Array, about: Array) -> float:

@@ -98,7 +98,8 @@ class BatchedSearch(SearchObjective):
             )
             longer = step * steps.factor(active, step, model.unit)[:, None]
             steps.keep(active, step, longer)
-            active, promised[active] = active[going], left
+            active = active[going]
+            promised[active] = left[going]
             theta[np.ix_(active, np.flatnonzero(self.free))] += longer[going]
             theta[active] = self.at(theta[active], x[active])
         value, _ = self.objective(theta, dof)

@@ -106,8 +106,21 @@ class SearchObjective:
     def objective(self, theta: Array, dof: Array) -> tuple[Array, Array]:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
-            z = self.problem.residual(theta) / self.base
+            z = self.residuals(theta)
             return (dof * np.log(self.squares(z))).sum(axis=1) + self.of_known(theta, z), z
+
+    def residuals(self, theta: Array) -> Array:
+        """Residuals in units of base, (m, n)."""
+        return np.asarray(self.problem.residual(theta) / self.base)
+
+    def slopes(self, theta: Array) -> Array:
+        """Derivatives of the values by theta in units of base, (m, n, p)."""
+        slopes = np.clip(np.nan_to_num(self.problem.jacobian(theta)), -_STEEPEST, _STEEPEST)
+        return np.asarray(slopes / self.base[:, None])
+
+    def prior_residuals(self, theta: Array) -> Array:
+        """Standardised distance from the mean of each prior, (m, priors)."""
+        return self.problem.parameters.prior_residuals(theta)
 
     def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
@@ -155,7 +168,7 @@ class SearchObjective:
 
     def of_known(self, theta: Array, z: Array) -> Array:
         """chi2 of rows with a known sigma and of the priors, (m,)."""
-        prior = self.problem.parameters.prior_residuals(theta)
+        prior = self.prior_residuals(theta)
         return np.asarray((z[:, self._is_known] ** 2).sum(axis=1) + np.square(prior).sum(axis=1))
 
     def _through_mu(self, columns: Array, theta: Array, x: Array) -> Array:
@@ -206,9 +219,7 @@ class SearchObjective:
 
     def derivatives(self, theta: Array, z: Array, dof: Array, x: Array) -> tuple[Array, Array, Array]:
         """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each; eq. (2)."""
-        slopes = np.clip(np.nan_to_num(self.problem.jacobian(theta)), -_STEEPEST, _STEEPEST)
-        slopes = slopes / self.base[:, None]
-        slopes = self._through_mu(slopes, theta, x)
+        slopes = self._through_mu(self.slopes(theta), theta, x)
         weight = np.ones(z.shape)
         squares = self.squares(z)
         for number, rows in enumerate(self.groups):
@@ -216,12 +227,12 @@ class SearchObjective:
         gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]
         scaled = slopes * np.sqrt(weight)[..., None]
         hessian = 2.0 * scaled.transpose(0, 2, 1) @ scaled
-        place, mean, sd = self.problem.parameters.priors
+        place, _, sd = self.problem.parameters.priors
         if place.size:
             rows_of_prior = np.zeros((len(theta), place.size, theta.shape[1]))
             rows_of_prior[:, np.arange(place.size), place] = 1.0 / sd
             rows_of_prior = self._through_mu(rows_of_prior, theta, x)
-            off = (theta[:, place] - mean) / sd
+            off = self.prior_residuals(theta)
             gradient += 2.0 * (rows_of_prior.transpose(0, 2, 1) @ off[..., None])[..., 0]
             hessian += 2.0 * rows_of_prior.transpose(0, 2, 1) @ rows_of_prior
         whole = hessian.copy()

@@ -118,7 +118,8 @@ class Marginal:
         step = 0.02 * self.moments(0)[1]
         around = np.clip(np.stack((at - step, at + step)), self.low, self.high)
         below = self.cdf(around.reshape(-1), 1)[0].reshape(around.shape)
-        return np.asarray((below[1] - below[0]) / (around[1] - around[0]))
+        width = around[1] - around[0]  # none where draws are one to rounding
+        return np.asarray((below[1] - below[0]) / np.where(width > 0.0, width, np.inf))
 
 
 def moments_of(expectation: Callable[[Callable[[Array], Array]], Array]) -> Moments:

@@ -23,6 +23,7 @@ from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.diagnostics.optimum_facts import (
     angle_offset,
     at_bound,
+    few_degrees_of_freedom,
     global_optimum,
     identifiable,
     several_modes,
@@ -62,6 +63,8 @@ if TYPE_CHECKING:
 
 
 DRAWS = 2000  # kept in the result, for predictions
+# what other angles would not mend
+_MISFIT = ("unrelated_readings", "beyond_closure", "lack_of_fit", "normal_restitution")
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -258,7 +261,7 @@ def _facts(
     counts = about.statistics
     asked, problem = problem, at_fitted_offset(problem, optimum)
     offset, domain = optimum.angle_offset, asked.offset
-    several = several_modes(problem, optimum)
+    several, few = several_modes(problem, optimum), few_degrees_of_freedom(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
@@ -283,6 +286,7 @@ def _facts(
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
+        **({} if few is None else {"noise_dof": few}),
         **({} if offset is None or domain is None else {"angle_offset": angle_offset(offset, domain)}),
         "identifiable": identifiable(
             problem,
@@ -292,6 +296,7 @@ def _facts(
             counts.n_sliding,
             slip="slips" in first,
             too_large=first["scatter_too_small"].figures["factor"] if "scatter_too_small" in first else 1.0,
+            misfit=any(name in found and not found[name].ok for name in _MISFIT),
         ),
         "at_bound": at_bound(constants),
         **found,

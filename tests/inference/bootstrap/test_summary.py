@@ -125,7 +125,9 @@ def test_a_constant_measured_once_is_too_little_to_draw_from(impacts) -> None:
     once = {"gamma": [0.0], "observables": ("e_n",), "sigma": 0.01}
     path = impacts({"gamma": GAMMA, "noise": 0.03, "sigma": 0.03, "c": -0.75}, once)
     found = ifrfit.fit(path, method=Bootstrap(replicates=200))
-    assert found.constants["e_n"].stderr < 1e-12
+    assert found.constants["e_n"].status == "not_determined"
+    assert found.constants["e_n"].reason.startswith("every replicate is the same")
+    assert found.constants["e_t"].status == "determined"
     assert not found.facts["resampling"].ok
     assert "1 impact with e_n in run" in found.facts["resampling"].says
     assert "too little to draw from" in found.summary().splitlines()[0]
@@ -158,3 +160,14 @@ def test_a_constant_on_its_bound_keeps_the_interval_of_least_squares(impacts) ->
         f"Of 100 replicates lies e_t in {on_bound} on a bound of its domain. Such replicates do not tell how "
         "far from the bound it may be: its interval is that of least squares."
     ]
+
+
+def test_one_impact_a_series_determines_nothing(tmp_path) -> None:
+    state = ifrfit.rebound(GAMMA[::4], e_n=0.9, e_t=-0.7, mu=0.15, degrees=True)
+    rng = np.random.default_rng(6)
+    beta, e_n = (x + 0.01 * rng.standard_normal(8) for x in (state.beta, 0.9))
+    columns = {"gamma_deg": GAMMA[::4], "beta": beta, "e_n": e_n, "series": list("ABCDEFGH")}
+    found = ifrfit.fit(table_file(tmp_path / "t.csv", columns), method=Bootstrap(replicates=100))
+    assert {each.status for each in found.flat_constants().values()} == {"not_determined"}
+    assert not found.noise.estimates  # no sd of 0 beside a noise either
+    assert "other angles" not in found.summary()

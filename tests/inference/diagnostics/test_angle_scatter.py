@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -302,3 +303,44 @@ def test_nothing_is_asked_where_it_cannot_be(tmp_path):
     assert angle_scatter(result.problem, result.least_squares, {}) is None
     few = fitted(tmp_path, readings(3.0, 1, n=7, sigma=True))
     assert "angle_scatter" not in few.facts
+
+
+def test_next_to_no_noise_is_no_number_to_give(tmp_path):
+    """Where errors of the angles are all the scatter, a sigma is told that makes a fit."""
+    table = readings(2.0, 1, ("v_x", "v_n"), n=40, noise=0.0)
+    says = fitted(tmp_path, table).facts["angle_scatter"].says
+    sigmas = {name: float(x) for x, name in re.findall(r"([\d.e-]+)(?: or less)? for (v_x|v_n)", says)}
+    assert "or less for" in says
+    assert min(sigmas.values()) > 1e-4
+    for name, sigma in sigmas.items():
+        table[f"sigma_{name}"] = sigma
+    size = float(re.search(r"--sigma-gamma ([\d.]+)", says)[1])
+    noise = Noise("scaled", angles=AngleErrors("effective", sigma_deg=size))
+    found = fitted(tmp_path, table, noise=noise)
+    for name, true in TRUTH.items():
+        assert abs(found.constants[name].value - true) < 4.0 * found.constants[name].stderr
+
+
+def test_rounding_is_no_error_of_the_angles(tmp_path):
+    """Equal readings where no angle matters, and the scatter of rounding where it does."""
+    gamma = np.linspace(8.0, 80.0, 36)
+    state = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.7, mu=0.15)
+    e_n = np.round(0.9 + 1e-4 * np.random.default_rng(1).standard_normal(36), 4)
+    table = pd.DataFrame({"gamma_deg": gamma, "beta": np.round(state.beta, 4), "e_n": e_n})
+    facts = fitted(tmp_path, table).facts
+    assert "angle_scatter" not in facts
+    assert "rounded_readings" in facts
+
+
+def test_a_weight_that_no_integral_bears_makes_no_answer(tmp_path):
+    table = readings(0.0, 1, n=36, noise=0.0, sigma=False)
+    table["beta"] = table["beta"].round(4)
+    table["e_n"] = np.round(0.9 + 1e-4 * np.random.default_rng(1).standard_normal(36), 4)
+    table["sigma_beta"], table["sigma_e_n"] = 2.1e-11, 1.2e-4
+    noise = Noise("scaled", angles=AngleErrors("effective", sigma_deg=0.0011))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = fitted(tmp_path, table, noise=noise, method="exact")
+        found.summary()
+    assert not found.facts["converged"].ok
+    assert found.constants["e_t"].status == "not_determined"

@@ -7,6 +7,7 @@ import pytest
 from factories import at_most, impacts_file, rest_long
 
 from ifrfit import fit
+from ifrfit.report.sentences import headline
 
 ANGLES = np.linspace(4.0, 84.0, 25)
 TRUTH = {"gamma": ANGLES, "e_n": 0.94, "c": -0.9, "mu": 0.12, "noise": 0.02}
@@ -69,3 +70,25 @@ def test_a_small_inertia_factor_is_no_matter_of_closure_maw(tmp_path):
     """The table of MAW ends before; the search for omitted effects goes on without it."""
     table = impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": None})
     assert "slips" in fit(table, method="lsq", fix={"e_n": 0.94}, inertia_factor=0.05).facts
+
+
+@pytest.mark.parametrize("seed", rest_long((1, 2, 3)))
+def test_a_contradicted_bound_comes_before_a_slip_that_explains_no_more(tmp_path, seed):
+    """e_n of 0.9 beside a bound of 0.92 looks like a ratio of energies, too."""
+    parts = [
+        {
+            "gamma": ANGLES,
+            "observables": (name,),
+            "e_n": 0.9,
+            "noise": 0.01,
+            "sigma": None,
+            "seed": 10 * seed + i,
+        }
+        for i, name in enumerate(("beta", "e_n"))
+    ]
+    found = fit(impacts_file(tmp_path / "t.csv", *parts), method="lsq", bounds={"e_n": (0.92, 1.0)})
+    assert headline(found) == "the data contradict a value that was taken for known"
+    says = found.facts["prior_conflict"].says
+    assert says.startswith("the data contradict your bound e_n >= 0.92")
+    assert "else the table looks as if it had e_n as a ratio of energies" in says
+    assert "slips" not in found.facts

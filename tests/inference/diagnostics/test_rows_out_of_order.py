@@ -112,3 +112,17 @@ def test_impacts_that_all_stick_have_nothing_to_explain(tmp_path, seed, names, n
     facts = fitted(tmp_path, seed, names, lambda x, _: x, errors=(noise, None), mu=1.2).facts
     assert "unrelated_readings" not in facts
     assert facts["slips"].ok, facts["slips"].says
+
+
+@pytest.mark.parametrize("seed", rest_long(range(40), 8))
+def test_a_law_whose_range_lies_within_the_scatter_is_no_shuffle(tmp_path, seed):
+    """Spins of a ball that hardly rubs."""
+    rng, gamma = np.random.default_rng([seed, 62]), np.linspace(5.0, 85.0, 24)
+    state = rebound(gamma, e_n=0.9, e_t=-0.7, mu=0.01, degrees=True)
+    columns = {
+        "gamma_deg": gamma,
+        "delta_deg": np.degrees(state.delta) + 0.573 * rng.standard_normal(24),
+        "e_n": 0.9 + 0.01 * rng.standard_normal(24),
+        "spin_y_after": state.spin_y + 0.01 * rng.standard_normal(24),
+    }
+    assert "unrelated_readings" not in fit(table_file(tmp_path / "t.csv", columns), method="lsq").facts

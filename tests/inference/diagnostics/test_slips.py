@@ -336,3 +336,21 @@ def test_many_rows_at_many_places_take_no_array_of_them_all(tmp_path, monkeypatc
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert peak < 2 * array
+
+
+@pytest.mark.parametrize("here", ["e_n", "delta_deg"])
+@pytest.mark.parametrize("seed", rest_long((1, 2)))
+def test_another_observable_in_the_column(tmp_path, here, seed):
+    """Total restitution for that of the normal velocity, the angle of the contact for that of the centre."""
+    rng, gamma = np.random.default_rng(seed), np.linspace(8.0, 80.0, 36)
+    state = rebound(gamma, e_n=0.9, e_t=-0.7, mu=0.15, degrees=True)
+    columns = {"gamma_deg": gamma, "delta_deg": np.degrees(state.delta), "e_n": np.full(36, 0.9)}
+    there = {"e_n": "beta_tot", "delta_deg": "psi_out_deg"}[here]
+    columns[here] = {"e_n": state.beta_tot, "delta_deg": np.degrees(state.psi_out)}[here]
+    for name, noise in (("delta_deg", 0.3), ("e_n", 0.005)):
+        columns[name] = columns[name] + noise * rng.standard_normal(36)
+    found = fit(table_file(tmp_path / "t.csv", columns), method="lsq")
+    fact = found.facts["slips"]
+    assert next(name for name, one in found.facts.items() if not one.ok) == "slips"
+    assert f"{there} in the column of {here}" in fact.says
+    assert f"--convention column:{there}={here}" in fact.says

@@ -21,6 +21,8 @@ _EXCHANGED = (
     ("beta", "beta_cm"),
     ("tan_psi_after", "tan_psi_out"),
     ("psi_after_deg", "psi_out_deg"),
+    ("delta_deg", "psi_out_deg"),
+    ("e_n", "beta_tot"),
 )
 SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
 _FRACTIONS = ("v_x", "v_y", "v_n", "beta_cm", "e_n", "beta", "mu_app", "beta_tot", "mu")
