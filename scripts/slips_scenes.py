@@ -217,6 +217,8 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
         v_x, v_n = v_x * cosine - v_n * sine, v_n * cosine + v_x * sine
     elif cause.name == "speed-scale":
         v_x, v_n = v_x * (1.0 + cause.size), v_n * (1.0 + cause.size)
+    elif cause.name == "contact-scale":
+        v_x, after = v_x * (1.0 + cause.size), after * (1.0 + cause.size)
     elif cause.name == "spin-scale":
         after = after * (1.0 + cause.size)
     elif cause.name == "scale-along-wall":
@@ -284,6 +286,24 @@ def _written(scene, cause, gamma, spin, lateral, speed, values, rng):
         gamma = 90.0 - gamma
     elif kind == "angle-in-radians":
         gamma = np.radians(gamma)
+    elif kind == "size-of-spin-y-before":
+        spin = np.abs(spin)
+    elif kind == "mixed-sign-of-spin-y-before":
+        spin = np.where(rng.random(n) < 1.0 / 3.0, -spin, spin)
+    elif kind == "mixed-squared":
+        third = rng.permutation(n) < n // 3
+        written[of] = np.where(third, written[of] ** 2, written[of])
+    elif kind == "sorted":
+        written[of] = np.sort(written[of])
+    elif kind == "shifted-down":
+        written[of] = np.roll(written[of], 1)
+    elif kind == "unrelated":
+        written[of] = rng.permutation(written[of])
+    elif kind in ("angle-in-gon", "angles-in-gon"):
+        gamma = gamma / 0.9
+        if of:
+            written[of] = written[of] / 0.9
+            sigmas[names.index(of)] = sigmas[names.index(of)] / 0.9
     elif kind == "percent":
         written[of] = 100.0 * written[of]
         sigmas[names.index(of)] = 100.0 * sigmas[names.index(of)]

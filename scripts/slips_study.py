@@ -74,6 +74,7 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         sized("angles-scale", Scene(("delta_deg", "e_n")), (0.02, 0.05, 0.1)),
         sized("camera-turn", raw, (0.25, 0.5, 1.0), " deg"),
         sized("speed-scale", raw, (0.01, 0.02, 0.05)),
+        sized("contact-scale", beta, (0.02, 0.06, 0.1)),
         sized("scale-along-wall", raw, (0.01, 0.02, 0.05)),
         sized("spin-scale", raw, (0.02, 0.04, 0.08)),
         sized("inertia-factor", raw, (0.05, 0.1, 0.25)),
@@ -86,6 +87,8 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         unsized("angle-from-wall", raw),
         unsized("angle-from-wall", beta),
         unsized("angle-in-radians", beta),
+        unsized("angle-in-gon", beta),
+        unsized("angle-in-gon", Scene(("beta_cm", "e_n"))),
         unsized("sign beta", beta),
         unsized("sign delta_deg", angle),
         unsized("percent beta", beta),
@@ -93,6 +96,12 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         unsized("meant-beta_cm beta", centre),
         unsized("meant-beta beta_cm", beta),
         unsized("zero-for-missing beta", beta),
+        unsized("size-of-spin-y-before", spun),
+        unsized("mixed-sign-of-spin-y-before", spun),
+        unsized("mixed-squared e_n", Scene(("beta", "e_n"), fixed={})),
+        unsized("sorted beta", replace(beta, ordered=False)),
+        unsized("shifted-down beta", replace(beta, ordered=False)),
+        unsized("unrelated beta", beta, "unrelated_readings"),
     ]
     found += [unsized(f"{unit} spin_y_after", raw) for unit in UNITS]
     found += [
@@ -168,7 +177,11 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
         named.insert(0, "duplicates")
     if "angle_scatter" in failing:
         named.insert(0, "angle_scatter")
-    named += [name for name in ("independence", "mixture", "scatter_by_angle", "outliers") if name in failing]
+    named += [
+        name
+        for name in ("unrelated_readings", "independence", "mixture", "scatter_by_angle", "outliers")
+        if name in failing
+    ]
     return named, failing
 
 

@@ -21,6 +21,8 @@ _OR_EMPTY = 'Correct it, or leave the cell empty for "not measured".'
 _MINUS = "\u2212"  # the sign of mathematics, which spreadsheets and word processors write for a hyphen
 NUMBER = re.compile(rf"[+\-{_MINUS}]?(\d+([.,]\d*)?|[.,]\d+)([eE][+\-{_MINUS}]?\d+)?", re.ASCII)
 
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}([,.' \u2009\u202f\xa0]\d{3})+([.,]\d*)?", re.ASCII)
+
 _END = "\x1f"  # of a cell; no file of text that is read holds one
 
 
@@ -179,7 +181,8 @@ class Cells:
             number = number.replace(",", ".")
         if "," not in number and (NUMBER.fullmatch(number) or number.lower().lstrip("+-") in _INFINITE):
             return float(number)
-        raise DataError(f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. {_OR_EMPTY}")
+        remedy = "Write thousands without a sign between." if _THOUSANDS.fullmatch(number) else _OR_EMPTY
+        raise DataError(f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. {remedy}")
 
     def _one_decimal_sign(self, cell: str, row: int, column: int) -> None:
         """Refuse a file with decimal commas and points: one of them could part thousands."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -232,7 +232,7 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def combine(parts: Sequence[Observations]) -> Observations:
-    """Put several observations into one; series and impacts of different sources stay apart.
+    """Put several observations into one; impacts of different sources stay apart, series of one name do not.
 
     Parameters
     ----------
@@ -267,11 +267,26 @@ def combine(parts: Sequence[Observations]) -> Observations:
                 table["source"] = table["source"].replace(source.name, name)
                 checks = tuple(replace(c, source=name) if c.source == source.name else c for c in checks)
             sources.append(replace(source, name=name))
+        notes.extend(_of_one_name(table, tables))
         tables.append(table)
         notes.extend(n for n in part.notes if n not in notes)
         momentum.extend(checks)
     table = pd.concat(tables, ignore_index=True)
     return Observations(table, tuple(sources), tuple(notes), tuple(momentum))
+
+
+def _of_one_name(table: pd.DataFrame, before: Sequence[pd.DataFrame]) -> Iterator[str]:
+    """Say which series of a table stand with the same observable in one before, and are taken for one."""
+    for name in filter(None, dict.fromkeys(table["series"])):
+        own = table.loc[table["series"] == name]
+        for other in before:
+            there = other.loc[(other["series"] == name) & other["observable"].isin(own["observable"])]
+            if len(there):
+                yield (
+                    f"the series {name} is in {there['source'].iloc[0]} and in {own['source'].iloc[0]}, and "
+                    "was taken as one. If they are two, give them different names in a column series"
+                )
+                break
 
 
 def _refuse_duplicate(source: Source, before: Sequence[Source]) -> None:

@@ -12,7 +12,7 @@ wall does under the impulse per mass 2 P/m. So the same equations read both (doc
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,8 +30,6 @@ from ifrfit.physics.angles import Array, sincos
 from ifrfit.physics.observables import OBSERVABLES
 
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
-# cells at the largest size from which it is an end of scale, their share of all, and that of different others
-_MANY, _SHARE, _SHARE_APART = 4, 0.1, 0.7
 
 
 @dataclass(frozen=True)
@@ -151,29 +149,6 @@ def require(
     )
 
 
-def _ends_of_scale(layout: Layout) -> Iterator[str]:
-    """Columns whose largest number stands in many cells, as where a sensor or a camera has its end.
-
-    Ratios to the incoming speed, which are fitted, no longer show it. Of speeds that were set the others
-    repeat, too.
-    """
-    for key, column in layout.columns.items():
-        if not key.startswith("raw:"):
-            continue
-        size = np.abs(layout.numbers(key))
-        size = size[np.isfinite(size) & (size > 0.0)]
-        at_end = size == size.max(initial=0.0)
-        others, count = size[~at_end], int(at_end.sum())
-        if count < max(_MANY, _SHARE * size.size) or np.unique(others).size < _SHARE_APART * others.size:
-            continue
-        if others.size:
-            yield (
-                f"{layout.cells.file}: {count} of {size.size} cells of {column.header} have its largest "
-                f"size, {size.max():.4g}, and the others hardly repeat: if a sensor or a camera ends there, "
-                "their true sizes lie beyond, and constants are off. Leave these impacts out"
-            )
-
-
 def is_raw(layout: Layout) -> bool:
     """Tell whether a table gives raw velocities or spin rates."""
     return any(key.startswith("raw:") for key in layout.columns)
@@ -198,7 +173,6 @@ def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
     """
     _check_columns(layout)
     _check_magnitudes(layout)
-    layout.notes.extend(_ends_of_scale(layout))
     rows = np.arange(len(layout.cells))
     incoming = read_incoming(layout)
     radius = _radius(layout)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -110,6 +110,8 @@ def fit(
     estimator = estimator_of(method)
     closure = get_closure(chosen.closure)
     question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
+    if chosen.closure == Model.closure:  # the default, which the data may not tell from others
+        question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
     problem = question.problem(closure, chosen.parameters(question.inertia_factor))
     return fit_problem(
         problem,

@@ -88,7 +88,7 @@ class Incidence:
         own = self.sine, self.cosine, self.spin_x, self.spin_y, self.slip_x, self.slip_y
         return Incidence(*map(of, own))
 
-    def take(self, rows: NDArray[np.intp]) -> Incidence:
+    def take(self, rows: NDArray[np.intp] | slice) -> Incidence:
         """These impacts only, along the last axis."""
         return self.map(lambda part: part[..., rows])
 

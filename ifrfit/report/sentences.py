@@ -38,7 +38,7 @@ HEADLINES = {
     "rounded_readings": "readings are rounded to coarser steps than they scatter",
     "censoring": "values look clipped",
     "truncation": "values look left out for their size",
-    "repeated_number": "one reading of e_n stands in every row",
+    "repeated_number": "one number stands in the place of several readings",
     "duplicates": "impacts stand in the table twice",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",

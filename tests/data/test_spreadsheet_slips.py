@@ -1,4 +1,4 @@
-"""What spreadsheets and sensors do: percent that is shown only, numbers of lines, ends of scale."""
+"""What spreadsheets and sensors do: percent that is shown only, numbers of lines, thousands."""
 
 from __future__ import annotations
 
@@ -18,16 +18,6 @@ def _ratios(seed=0):
     beta = rebound(GAMMA, e_n=0.9, e_t=-0.75, mu=0.15, degrees=True).beta
     noise = 0.01 * rng.standard_normal((2, GAMMA.size))
     return {"gamma_deg": GAMMA, "beta": beta + noise[0], "e_n": 0.9 + noise[1]}
-
-
-def _raw(seed=0, most=np.inf):
-    """Velocities of impacts at random speeds, those towards the wall cut off at the most."""
-    rng = np.random.default_rng(seed)
-    u = rng.uniform(2.0, 6.0, GAMMA.size)
-    state = rebound(GAMMA, e_n=0.9, e_t=-0.75, mu=0.15, degrees=True)
-    u_x, u_z = (u * part(np.radians(GAMMA)) for part in (np.sin, np.cos))
-    after = {"v_x_m_s": u * state.v_x, "v_z_m_s": -u * state.v_n}
-    return {"u_x_m_s": u_x, "u_z_m_s": np.minimum(u_z, most)} | after
 
 
 @pytest.mark.parametrize("header", ["e_n (%)", "beta [%]"])
@@ -51,16 +41,13 @@ def test_a_column_n_that_numbers_the_lines_is_refused(tmp_path):
     fit(table_file(tmp_path / "t.csv", table, "%.5f"), method="lsq")
 
 
-def test_the_end_of_a_sensor_is_said(tmp_path):
-    whole = fit(table_file(tmp_path / "t.csv", _raw(), "%.4f"), method="lsq")
-    assert not [says for says in whole.warnings if "largest size" in says]
-    cut = fit(table_file(tmp_path / "t.csv", _raw(most=3.0), "%.4f"), method="lsq")
-    (said,) = [says for says in cut.warnings if "largest size" in says]
-    assert "cells of u_z_m_s have its largest size, 3," in said
-
-
-def test_speeds_that_were_set_have_no_end(tmp_path):
-    table = _raw()
-    table["u_z_m_s"] = np.resize([2.0, 3.0, 4.0], GAMMA.size)
-    found = fit(table_file(tmp_path / "t.csv", table, "%.4f"), method="lsq")
-    assert not [says for says in found.warnings if "largest size" in says]
+def test_thousands_with_a_sign_are_refused(tmp_path):
+    path = table_file(tmp_path / "t.csv", _ratios(), "%.4f")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for cell in ('"1,082"', "1'082"):
+        lines[3] = f"{lines[3].split(',')[0]},{cell},0.9"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        with pytest.raises(
+            DataError, match=r"line 4, column beta: .* is not a number\. Write thousands without"
+        ):
+            fit(path)

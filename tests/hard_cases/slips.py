@@ -129,6 +129,90 @@ def named(slip: str, *words: str) -> Callable[[FitResult], None]:
     return check
 
 
+def wide(**columns: np.ndarray) -> str:
+    """A table of one line an impact."""
+    lines = (",".join(f"{x:.5f}" for x in line) for line in zip(*columns.values(), strict=True))
+    return "\n".join((",".join(columns), *lines)) + "\n"
+
+
+def spun(given: Callable[[np.ndarray], np.ndarray]) -> str:
+    """Spheres that spin either way, before impact by the numbers that a table has of it."""
+    spin = np.resize([0.3, -0.2, 0.1, -0.35, 0.25], ANGLES.size)
+    read = zip(VELOCITIES, measured(spin=spin), strict=True)
+    after = {name: v + noise(v.size, NOISE, 70 + i) for i, (name, v) in enumerate(read)}
+    return wide(gamma_deg=ANGLES, spin_y=given(spin), **after)
+
+
+def beside_e_n(values: np.ndarray, e_n: np.ndarray, gamma: np.ndarray = ANGLES, **columns: np.ndarray) -> str:
+    """Readings of beta and e_n, with noise."""
+    read = {"beta": values + noise(values.size, NOISE, 75), "e_n": e_n + noise(values.size, NOISE, 76)}
+    return wide(gamma_deg=gamma, **read, **columns)
+
+
+def contact(gamma: np.ndarray = ANGLES, **constants: float) -> np.ndarray:
+    """beta of the contact point."""
+    v_x, _, spin = measured(gamma, **constants)
+    return -(v_x + spin) / np.sin(np.radians(gamma))
+
+
+def squares() -> str:
+    """Every third reading of e_n a ratio of heights."""
+    e_n = np.where(np.arange(ANGLES.size) % 3 == 0, 0.6**2, 0.6)
+    return beside_e_n(contact(e_n=0.6), e_n)
+
+
+def above_the_floor(height: float = 0.02) -> str:
+    """Velocities as they were some metres above a floor."""
+    gamma, speed = np.linspace(8.0, 65.0, ANGLES.size), np.resize([1.3, 3.5, 2.0, 2.7], ANGLES.size)
+    fall = 2.0 * 9.81 * height / speed**2
+    along, towards = np.sin(np.radians(gamma)), np.sqrt(np.cos(np.radians(gamma)) ** 2 + fall)
+    v_x, v_n, spin = np.hypot(along, towards) * np.array(measured(np.degrees(np.arctan2(along, towards))))
+    read = zip(VELOCITIES, (v_x, np.sqrt(v_n**2 - fall), spin), strict=True)
+    after = {name: v + noise(v.size, NOISE, 80 + i) for i, (name, v) in enumerate(read)}
+    return wide(gamma_deg=gamma, speed_m_s=speed, **after)
+
+
+def rounded() -> str:
+    """Impacts at any angle, which is written in steps of 5 degrees."""
+    gamma = np.random.default_rng(9).uniform(10.0, 80.0, 60)
+    read = zip(VELOCITIES, measured(gamma), strict=True)
+    after = {name: v + noise(v.size, 0.005, 85 + i) for i, (name, v) in enumerate(read)}
+    return wide(gamma_deg=5.0 * np.round(gamma / 5.0), **after)
+
+
+def shifted() -> str:
+    """Impacts in no order, whose beta stands a line too low."""
+    gamma = np.random.default_rng(7).permutation(ANGLES)
+    e_n = np.full(gamma.size, TRUTH["e_n"])
+    return beside_e_n(np.roll(contact(gamma), 1), e_n, gamma)
+
+
+def shuffled() -> str:
+    """A column of beta that goes with none of the angles."""
+    return beta(np.random.default_rng(6).permutation(BETA))
+
+
+def one_too_quiet() -> str:
+    """Two series with one sigma, one of which scatters ten times less."""
+    text = HEADER
+    for number, (series, share) in enumerate((("A", 1.0), ("B", 0.1))):
+        text += rows(FAN, EXACT + noise(len(FAN), share * 0.02, 90 + number), 0.02, "beta", series)
+    return text
+
+
+def says(name: str, *words: str, headline: str) -> Callable[[FitResult], None]:
+    """A fact fails with these words, and the first line has its headline."""
+
+    def check(result: FitResult) -> None:
+        fact = result.facts[name]
+        assert not fact.ok, fact.says
+        for word in words:
+            assert word in fact.says, (word, fact.says)
+        assert result.summary().startswith(f"LOOK  {headline}")
+
+    return check
+
+
 def doubled(result: FitResult) -> None:
     fact = result.facts["duplicates"]
     assert not fact.ok
@@ -269,6 +353,88 @@ CASES = (
         "The first line says that the table has a slip, with --convention angle=rad.",
         fitted(beta(BETA, np.radians(FAN))),
         named("angle-in-radians", "--convention angle=rad"),
+    ),
+    slip(
+        "angles in gon",
+        "Velocities and spins over angles of 400 a circle in a column of degrees.",
+        "The first line says that the table has a slip: angles in gon, to be multiplied by 0.9.",
+        free(raw(measured(), ANGLES / 0.9)),
+        named("angle-in-gon", "multiply them by 0.9"),
+    ),
+    slip(
+        "velocities of the contact point 10 % off",
+        "beta and e_n, beta 10 % too large.",
+        "The first line says that the table has a slip: the scale of the contact point's velocities first.",
+        free(beside_e_n(1.1 * contact(), np.full(ANGLES.size, TRUTH["e_n"]))),
+        named("contact-scale", "velocities of the contact point after impact"),
+    ),
+    slip(
+        "angles rounded to 5 degrees",
+        "Velocities and spins of impacts at any angle, which is written in steps of 5 degrees.",
+        "The first line says that the scatter is that of angles; the details give the step and the option.",
+        free(rounded()),
+        says(
+            "angle_scatter",
+            "as where they are rounded to 5 degrees",
+            "--sigma-gamma 1.4",
+            headline="the scatter is that of angles with errors",
+        ),
+    ),
+    slip(
+        "spins before impact without their sign",
+        "Velocities and spins of spheres that spin either way, spins before impact all positive.",
+        "The first line says that the table has a slip: the size of the spin before, with the lines.",
+        free(spun(np.abs)),
+        named("size-of-spin-y-before", "without its sign"),
+    ),
+    slip(
+        "some spins before impact of the other sign",
+        "The same, every fourth spin before impact of the other sign.",
+        "The first line says that the table has a slip: the sign of the spin before in some lines.",
+        free(spun(lambda spin: np.where(np.arange(spin.size) % 4 == 0, -spin, spin))),
+        named("mixed-sign-of-spin-y-before", "of the opposite sign in some of its lines"),
+    ),
+    slip(
+        "squares among readings of e_n",
+        "beta and e_n, every third e_n a ratio of heights.",
+        "The first line says that the table has a slip: squares in some lines, which it names.",
+        free(squares()),
+        named("mixed-squared e_n", "take the square root of the values of these lines"),
+    ),
+    slip(
+        "a column sorted by itself",
+        "beta in ascending order beside angles in none.",
+        "The first line says that the table has a slip: a column that was sorted by itself.",
+        fitted(beta(np.sort(BETA), np.random.default_rng(4).permutation(np.array(FAN, dtype=float)))),
+        named("sorted beta", "sorted by itself"),
+    ),
+    slip(
+        "a column shifted by a line",
+        "beta one line below the angle that it is of.",
+        "The first line says that the table has a slip: values one line below their angle.",
+        free(shifted()),
+        named("shifted-down beta", "one line below the angle"),
+    ),
+    slip(
+        "a column shuffled by itself",
+        "beta that goes with none of the angles.",
+        "The first line says that readings go with no angle.",
+        fitted(shuffled()),
+        says("unrelated_readings", headline="readings do not go with the angle"),
+    ),
+    slip(
+        "velocities above the floor",
+        "Velocities and spins as they were 2 cm above a floor, at 1.3 to 3.5 m/s.",
+        "The first line says that the table has a slip: a height above the wall, in metres; no viscosity.",
+        free(above_the_floor()),
+        named("height", "above the wall"),
+    ),
+    slip(
+        "one series scatters too little",
+        "beta of two series with one sigma, one of which scatters ten times less.",
+        "The first line says that values scatter less than their sigma; the details name the series.",
+        fitted(one_too_quiet()),
+        says("scatter_too_small", "beta in B", headline="the data scatter less than their sigma"),
     ),
     slip(
         "the sign of beta",

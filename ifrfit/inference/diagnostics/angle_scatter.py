@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,7 @@ from ifrfit.inference.diagnostics.angle_error_size import (
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
 from ifrfit.inference.diagnostics.mixture import drop_of_scattering_constant, mixture, suspicious_constants
+from ifrfit.inference.diagnostics.normal_restitution import OF_SPEEDS, hides_speeds
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import (
     drop_of_angle,
@@ -26,7 +28,8 @@ from ifrfit.inference.diagnostics.rival_scatter import (
     drop_of_level,
     fall_of_outliers,
 )
-from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
+from ifrfit.inference.diagnostics.rounded_angles import rounding_errors, step_of_angles
+from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
@@ -38,6 +41,7 @@ _FEWEST = 8  # impacts below which no errors of angles are looked for
 _TREND = 0.01  # p of a lack of fit that is left, from which the law is not the reason
 _WIDEST = 10.0  # degrees beyond which it is no error of reading
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
+_SPEEDS = f", as where {OF_SPEEDS} and no column holds speeds"
 # what explains the residuals as well, in words
 _ALIKE = {
     "mixture": "impacts of two kinds",
@@ -72,11 +76,13 @@ def angle_scatter(
 ) -> WithAngleErrors | None:
     """Whether independent errors of the angles explain the scatter: one of each impact, all of one size.
 
-    The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
-    counts where no lack of fit is left (p >= 0.01) and nothing else explains more by `ALIKE`: a sigma that is
-    too small, a scatter that grows with the value or changes with the angle, slips and effects that were
-    found, impacts of two kinds. What explains as much is named beside it. Errors of one size that sigma does
-    not have are told first where they explain as much: with them the angles are asked again.
+    The test is that of `careful_p`, or, where all angles are multiples of a step, a fall of -2 log likelihood
+    of `DECISIVE` for angles that were rounded to it. Where it is positive the size, unless it is that of the
+    rounding, is fitted with noises and constants, and counts where no lack of fit is left (p >= 0.01; of a
+    rounding 0.001) and nothing else explains more by `ALIKE`: a sigma that is too small, a scatter that grows
+    with the value or changes with the angle, slips and effects that were found, impacts of two kinds. What
+    explains as much is named beside it. Errors of one size that sigma does not have are told first where they
+    explain as much: with them the angles are asked again.
 
     Parameters
     ----------
@@ -97,10 +103,11 @@ def angle_scatter(
         return None
     slopes = AngleSlopes.of(problem, fit.optimum.theta, fit.sigma)
     unknown = tuple(problem.noise_groups().values())
-    p = careful_p(slopes, unknown)
-    if p >= REFUTED:
+    p, before = careful_p(slopes, unknown), deviance_of(slopes, unknown)
+    found = rounding_errors(problem, fit, slopes, before, unknown)
+    rounded, alone = (None, None) if found is None or found[0].drop < DECISIVE else found
+    if p >= REFUTED and rounded is None:
         return None
-    before = deviance_of(slopes, unknown)
     errors, with_factor = fitted_errors(slopes, before, unknown), False
     if problem.noise.is_known:
         everything = (np.arange(len(problem.rows)),)
@@ -108,6 +115,10 @@ def angle_scatter(
         # beside a factor on sigma the scatter itself has to show them
         if scaled.drop > errors.drop + ALIKE and careful_p(slopes, everything) < REFUTED:
             errors, unknown, with_factor = scaled, everything, True
+    step = 0.0
+    if rounded is not None and rounded.drop > errors.drop - ALIKE:
+        errors, with_factor, step = rounded, False, step_of_angles(problem)
+        p = min(p, math.exp(-0.5 * rounded.drop))
     try:
         for _ in range(_ROUNDS):
             if not 0.0 < errors.size < _WIDEST:
@@ -116,15 +127,18 @@ def angle_scatter(
             wide = problem.with_noise(NoiseModel("scaled", sigma))
             again = refit(wide, sigma, fit.optimum.theta)
             at_theta = AngleSlopes.of(problem, again.optimum.theta, fit.sigma)
-            errors = fitted_errors(at_theta, before, unknown)
+            if step == 0.0:
+                errors = fitted_errors(at_theta, before, unknown)
         rivals = _rivals(problem, fit, slopes, causes, errors)
         if any(excess > ALIKE for excess, _ in rivals.values()):
             return None
         left = residuals_of(wide, again)
-        trend = lack_of_fit(wide, again, left, remedy=False)
-        if not trend.ok or (trend.figures["p"] or 1.0) < _TREND:
-            return None
         without = at_theta.without(errors)
+        # one error of the angle makes those of an impact alike
+        left = replace(left, standardised=alone if step and alone is not None else without.left)
+        trend = lack_of_fit(wide, again, left, remedy=False)
+        if not trend.ok or (step == 0.0 and (trend.figures["p"] or 1.0) < _TREND):
+            return None
         places = suspicious_constants(wide, without.by_constant, without.left)
         if places:
             rivals |= _of_mixture(problem, fit, errors.drop, places)
@@ -133,7 +147,7 @@ def angle_scatter(
     if any(excess > ALIKE for excess, _ in rivals.values()):
         return None
     beside = {name: other for name, (excess, other) in rivals.items() if excess > -ALIKE}
-    fact = _fact(problem, fit, errors, p, list(beside), with_factor=with_factor)
+    fact = _fact(problem, fit, errors, p, list(beside), with_factor=with_factor, step=step)
     kept = {name: other for name, other in beside.items() if other is not None}
     return WithAngleErrors(fact, wide, again, left, kept)
 
@@ -194,19 +208,25 @@ def _fact(
     alike: list[str],
     *,
     with_factor: bool,
+    step: float,
 ) -> Fact:
     size = float(f"{errors.size:.2g}")
     noise = _noise_words(problem, fit.sigma * errors.noise)
-    like = f", not told apart from {joined([_ALIKE[name] for name in alike], 'or')}" if alike else ""
+    words = [
+        _ALIKE[name] + (_SPEEDS if name == "constants" and hides_speeds(problem) else "") for name in alike
+    ]
+    like = f", not told apart from {joined(words, 'or')}" if words else ""
+    of_rounding = f", as where they are rounded to {step:.0f} degrees" if step else ""
     says = (
         f"the values scatter as if each angle of incidence were off by an error of its own, some {size:.2g} "
-        f"degrees{like} (p = {p_text(p)}; -2 log likelihood falls by {errors.drop:.3g}): "
+        f"degrees{of_rounding}{like} (p = {p_text(p)}; -2 log likelihood falls by {errors.drop:.3g}): "
         f"{_remedy(problem, fit, size, noise, with_factor=with_factor)}"
     )
     figures = {
         "p": p,
         "size": size,
         "drop": errors.drop,
+        "step": step,
         "noise": noise,
         "alike": alike,
     }

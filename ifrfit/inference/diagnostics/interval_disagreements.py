@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 FACTOR = 1.25  # between widths, from which on two methods disagree
 SHARE = 0.25  # of the exact width, by which an end may be off
+_PLATEAU = 3.0  # times the profile's width, beyond which an exact interval holds more than a tail
 _FEW = 30.0  # degrees of freedom of the noise under which points are few
 _METHODS = ("covariance", "profile")
 
@@ -80,6 +81,9 @@ def _why(row: Mapping[Hashable, Any], differing: Mapping[str, str]) -> str:
         reasons.append(f"the covariance goes on beyond the bound {bounds[0]:g}")
     elif near and row["shape"] == "one_sided":
         reasons.append("the data do not tell it from the bound of its domain")
+    exact, profiled = row["exact_high"] - row["exact_low"], row["profile_high"] - row["profile_low"]
+    if exact > _PLATEAU * profiled and not reasons:
+        return "far from its least the misfit rises no further, and the width of the prior counts there"
     if float(row["noise_dof"]) < _FEW:
         reasons.append(f"the noise rests on few points ({float(row['noise_dof']):.0f} degrees of freedom)")
     if not reasons:

@@ -86,6 +86,7 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     Pooling or None
         None where there is nothing to ask: one series, or very many, or no shared constant.
     """
+    problem, by_file = _by_file(problem)
     names = [c.name for c in problem.parameters if c.fixed is None and not c.separate]
     if not 2 <= len(problem.series) <= _MOST_SERIES or not names:
         return None
@@ -124,8 +125,38 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
         return Pooling(Fact(True, says, figures, rule), "", now, found)
     constants = joined([_parted_words(parted[-1], one, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
+    if by_file:
+        remedy = f"give those of different files different names in a column series, and {remedy}"
     fact = Fact(False, f"the series do not share {constants}: {remedy}", figures, rule)
     return Pooling(fact, constants, parted[-1].problem, parted[-1].fit)
+
+
+def _by_file(problem: Problem) -> tuple[Problem, bool]:
+    """With those of one name in several files as series of their own; whether there are any.
+
+    Not where constants or noises are separate already, nor of files that share no observable.
+    """
+    table, rows = problem.observations.table, problem.rows
+    if problem.noise.separate or any(c.separate for c in problem.parameters):
+        return problem, False
+    names, source = np.unique(table["source"].to_numpy(dtype=str), return_inverse=True)
+    series, label = rows.series.copy(), list(problem.series)
+    for number, name in enumerate(problem.series):
+        own = rows.series == number
+        files = np.unique(source[own])
+        if (
+            np.unique(np.column_stack((source, rows.which))[own], axis=0).shape[0]
+            == np.unique(rows.which[own]).size
+        ):
+            continue
+        for file in files[1:].tolist():
+            series[own & (source == file)] = len(label)
+            label.append(f"{name} of {names[file]}")
+        label[number] = f"{name} of {names[files[0]]}"
+    if len(label) == len(problem.series):
+        return problem, False
+    parameters = replace(problem.parameters, series=tuple(label))
+    return replace(problem, rows=replace(rows, series=series), parameters=parameters), True
 
 
 @dataclass(frozen=True)

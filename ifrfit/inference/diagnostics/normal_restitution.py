@@ -22,6 +22,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text, plus_minus
 
 _FEWEST = 6  # readings of a series from which a trend is looked for
+OF_SPEEDS = "e_n falls with the normal speed"
 _GRAZING = 0.05  # share of the incoming speed that goes into the wall, below which v_n says nothing of e_n
 _NEGLIGIBLE = 2e-3  # change over the whole range that matters to no use of e_n, and may be rounding
 _ABOVE = 4.0  # sd by which a single reading may exceed 1
@@ -111,6 +112,12 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit, *, advise: bool
     return Fact(True, f"readings of e_n agree with one value (p = {p_text(p)})", figures, rule)
 
 
+def hides_speeds(problem: Problem) -> bool:
+    """Whether e_n is read at speeds that no column holds."""
+    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    return bool(problem.rows.of_kind("normal").any()) and not bool((speed > 0.0).any())
+
+
 def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
     table = problem.observations.table
     # v_n is e_n times the cosine of the angle: every reading is brought to e_n by its slope
@@ -171,6 +178,8 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) ->
             "e_n above 1 cannot be: no impact gains energy; look at the scale of the velocities, at what v_n "
             "is divided by, and at the angles"
         )
+    if unit == "degrees" and advise and ends[1] > ends[0] and not (readings.speed > 0.0).any():
+        remedy += f", or give the speeds in a column speed_m_s: {OF_SPEEDS}, and it rises with the angle then"
     yield (
         p,
         f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "

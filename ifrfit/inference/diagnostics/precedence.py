@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
+from ifrfit.inference.diagnostics.copied_readings import duplicates, repeated_number
+from ifrfit.inference.diagnostics.ends_of_scale import censoring
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
@@ -21,14 +23,7 @@ from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
 from ifrfit.inference.diagnostics.one_velocity import one_velocity
 from ifrfit.inference.diagnostics.quadratic_forms import Array
-from ifrfit.inference.diagnostics.recorded_values import (
-    censoring,
-    duplicates,
-    is_coarse,
-    repeated_number,
-    rounded_readings,
-    truncation,
-)
+from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_readings, truncation
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
@@ -64,6 +59,7 @@ _ORDER = (
     "censoring",
     "truncation",
     "repeats",
+    "normal_restitution",  # says which constant it is that the data contradict
     "lack_of_fit",
     "independence",
     "mixture",
@@ -71,7 +67,6 @@ _ORDER = (
     "scatter_by_angle",
     "scatter_too_small",
     "scatter_too_large",
-    "normal_restitution",
     "outliers",
     "slips",
     "effects",
@@ -152,7 +147,7 @@ def misfit_facts(
     _of_constants(so_far, problem, found, brief)
     if not brief:
         so_far.tell("duplicates", duplicates(problem, found))
-        so_far.tell("repeated_number", repeated_number(problem))
+        so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
     # a law that misses something is no reason to doubt the repeats, but for one that goes with the angle
     doubted = _BY_ANGLE.issuperset(so_far.causes)
@@ -257,7 +252,10 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
     far = so_far.facts.get("outliers")
     if rounded and far and far.figures["observables"] == [rounded.figures["observable"]]:
         so_far.withdraw("outliers")  # the next step of few readings is no outlier
-    so_far.tell("censoring", censoring(problem, found))
+    cut = censoring(problem, found)
+    # a code for "not measured" piles up, too
+    if cut is None or f"code-for-missing {cut.figures['observable']}" not in so_far.causes:
+        so_far.tell("censoring", cut)
     if so_far.causes:
         return
     if not lies_beyond:
@@ -271,12 +269,12 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
             so_far.tell("mixture", kinds)
             so_far.withdraw("growing_scatter", "scatter_by_angle")
     if not so_far.fails(*_MISFIT, *_OF_THE_TABLE, *_OF_SCATTER, "mixture"):
-        cut = truncation(problem, found)
+        sharp = truncation(problem, found)
         # beyond the cut of a plateau is less scatter than beside it; and a noise that grows is skewed
-        more = math.inf if cut is None else cut.figures["drop"] - by_scatter
+        more = math.inf if sharp is None else sharp.figures["drop"] - by_scatter
         if more > -ALIKE:
-            so_far.tell("truncation", cut)
-        if more > ALIKE and cut is not None:
+            so_far.tell("truncation", sharp)
+        if more > ALIKE and sharp is not None:
             so_far.withdraw("scatter_by_angle")
 
 

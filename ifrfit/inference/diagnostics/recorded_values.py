@@ -1,15 +1,17 @@
-"""Values as they were written down: copied, doubled, rounded, clipped, or left out for their size.
+"""Values as they were written down: rounded, or left out for their size.
 
 Rounding errors of readings y that differ by several steps are as good as independent: part of the scatter.
 Readings of one true value m that scatter by less than about half a step all lie on the same side of it: the
 likelihood is that of counts in cells, prod [Phi((y + h/2 - m)/s) - Phi((y - h/2 - m)/s)], for steps h and a
 scatter s (Heitjan 1989, Statistical Science 4, 164), and no number of readings narrows m below a cell.
 
-Clipped readings pile up at one end of an observable. Of discarded ones nothing stands in the table but an end
+Of discarded readings nothing stands in the table but an end
 that is too sharp: the law with normal errors cut off at the outermost reading c, of density
 phi((y - f)/s)/(s Phi((c - f)/s)), describes such readings better. Without a cut 2 sum -log Phi at the true
 constants is distributed as chi2 of 2, whatever the sample; with constants and noise fitted its tail is twice
-as large (1,200 tables of beta and e_n, sigma known and not), and counted four times.
+as large (1,200 tables of beta and e_n, sigma known and not), and counted four times. An end at e_n = 1 is
+known beforehand: the likelihood ratio is then exceeded with less than its inverse, whatever the law (Markov),
+and with constants and noise fitted 0.2 to 0.28 times as often, wherever the end is (20 to 300 readings).
 """
 
 from __future__ import annotations
@@ -21,15 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import (
     COARSE,
     FACTS,
-    FEWEST_ALIKE,
     MOST_MISSING,
     REFUTED,
     TIMES_FITTED,
+    TIMES_GIVEN,
     TOO_NARROW,
 )
 from ifrfit.inference.model.noise import resolution
@@ -37,18 +38,14 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
-from ifrfit.text import joined, p_text
+from ifrfit.text import p_text
 
-_MOST_NAMED = 6  # rows
 _FEWEST_OF_ONE = 4  # readings of one true value
 _ONE_VALUE = 0.1  # steps within which values of the law are one
 _LEVELS, _SCATTERS = 321, 48  # nodes of m and s
 _MARGIN = 1.5  # steps beyond the readings up to which m is looked for
 _LEAST_SCATTER, _LARGEST_SCATTER = 0.02, 3.0  # steps
 _TINY = 1e-300
-_FEWEST_PILED = 3  # readings of one value that pile up
-_MORE = 2.0  # times as many as of any value that is no end
-_RESOLVED = 2.0  # steps by which the other readings scatter
 _FEWEST = 12  # readings among which a missing end is looked for
 _SUSPICIOUS = 0.2  # p of the outermost reading from which no cut is looked for
 _STEPS = 60
@@ -58,106 +55,6 @@ _NARROWEST, _WIDEST = 0.5, 8.0  # times the noise without a cut
 _NO_ROWS = np.empty(0, dtype=np.intp)
 _FEWEST_OF_NOISE = 3  # rows from which a noise is taken
 _BESIDE = 2.5  # sd by which readings lie off the law, away from an end that then is no cut
-
-
-def repeated_number(problem: Problem) -> Fact | None:
-    """Find measured readings of the normal rebound that are the same in every decimal, in every row.
-
-    Returns
-    -------
-    Fact or None
-        None where readings differ. Figures: observables, and rows of the first.
-    """
-    rows, table = problem.rows, problem.observations.table
-    measured = (table["provenance"] != "simulated").to_numpy()
-    several = len(problem.series) > 1
-    found: list[tuple[str, int, str]] = []
-    for observable in rows.observables:
-        if observable.kind != "normal":
-            continue
-        for number, series in enumerate(problem.series):
-            own = rows.rows_of(observable.name)
-            own = own[(rows.series[own] == number) & measured[own]]
-            if own.size >= FEWEST_ALIKE and np.ptp(rows.value[own]) == 0.0:
-                of = f" of {series}" if several else ""
-                says = f"{observable.name}{of} is {rows.value[own[0]]:.6g} in all {own.size} rows"
-                found.append((observable.name, int(own.size), says))
-    if not found:
-        return None
-    size = found[0][1]
-    says = (
-        f"{'; '.join(says for *_, says in found)}: a mean that was copied down is one reading, not {size}, "
-        "and the interval of e_n is too short; leave it in one row, with its standard error, or give it by "
-        "--prior. Readings of each impact would scatter, unless they are rounded too coarsely to show it"
-    )
-    figures = {"observables": sorted({name for name, *_ in found}), "rows": size}
-    return Fact(False, says, figures, FACTS["repeated_number"])
-
-
-def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
-    """Count impacts of one setting whose values agree, and compare with what noise and rounding make of them.
-
-    Two readings of one setting agree with probability r/(2 sqrt(pi) sigma) in an observable that is rounded
-    to steps of r; the number of pairs that do is taken as Poisson distributed. Repeats of single readings are
-    left out: what steps an instrument has is not known.
-
-    Returns
-    -------
-    Fact or None
-        None where the test is passed.
-    """
-    rows = problem.rows
-    chance = _chance_to_agree(problem, found.sigma)
-    speed = np.nan_to_num(problem.observations.table["speed_m_s"].to_numpy(dtype=float), nan=-1.0)
-    i = rows.incidence
-    keys = np.column_stack((rows.series, rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed))
-    members: dict[int, list[int]] = {}
-    for row, impact in enumerate(rows.impacts.tolist()):
-        members.setdefault(impact, []).append(row)
-    settings: dict[tuple[object, ...], list[list[int]]] = {}
-    for own in members.values():
-        own.sort(key=lambda row: tuple(keys[row]))
-        settings.setdefault(tuple(map(tuple, keys[own].tolist())), []).append(own)
-    repeated = [impacts for impacts in settings.values() if len(impacts) > 1]
-    if any(len(own[0]) == 1 and np.ptp(rows.value[own]) > 0.0 for own in map(np.array, repeated)):
-        # single readings that are repeated: an instrument's own steps may be coarser than the last decimal
-        repeated = [impacts for impacts in repeated if len(impacts[0]) > 1]
-    expected, pairs, copies = 0.0, 0, []
-    for impacts in repeated:
-        expected += 0.5 * len(impacts) * (len(impacts) - 1) * float(np.prod(chance[impacts[0]]))
-        first: dict[tuple[float, ...], int] = {}
-        for own in impacts:
-            value = tuple(rows.value[own].tolist())
-            pairs += first.get(value, 0)
-            first[value] = first.get(value, 0) + 1
-            if first[value] > 1:
-                copies.append(own[0])
-    p = float(special.gammainc(pairs, expected)) if pairs and expected > 0.0 else 1.0
-    if p >= REFUTED:
-        return None
-    return _doubled(problem, copies, p)
-
-
-def _chance_to_agree(problem: Problem, sigma: Array) -> Array:
-    """Probability that two readings of one setting are rounded to the same number, by row, (n,)."""
-    chance = np.empty(sigma.size)
-    for name in problem.rows.names:
-        own = problem.rows.rows_of(name)
-        step = resolution(problem.rows.value[own])
-        chance[own] = np.minimum(1.0, step / (2.0 * math.sqrt(math.pi) * sigma[own]))
-    return chance
-
-
-def _doubled(problem: Problem, copies: list[int], p: float) -> Fact:
-    lines = [exclude_name(problem, row) for row in copies]
-    more = " ..." if len(lines) > _MOST_NAMED else ""
-    shown = lines[:_MOST_NAMED]
-    says = (
-        f"{len(lines)} impact{'s stand' if len(lines) > 1 else ' stands'} in the table twice, alike in every "
-        f"decimal (lines {joined(shown)}{more}; p = {p_text(p)} by noise and rounding): remove them, or "
-        f"{' '.join(f'--exclude {line}' for line in shown)}{more}"
-    )
-    return Fact(False, says, {"p": p, "n": len(lines), "rows": lines}, FACTS["duplicates"])
 
 
 @dataclass(frozen=True)
@@ -284,48 +181,6 @@ def _rms(sigma: Array) -> float:
     return float(np.sqrt((sigma**2).mean()))
 
 
-def censoring(problem: Problem, found: LeastSquaresFit) -> Fact | None:
-    """Look for readings that pile up at the largest or smallest value of their observable.
-
-    The number of readings that rounding and noise put into the cell of the outermost one is taken as Poisson
-    distributed.
-
-    Returns
-    -------
-    Fact or None
-        None where none do.
-    """
-    fitted, value, looks = (
-        problem.predict(found.optimum.theta),
-        problem.rows.value,
-        2 * len(problem.rows.names),
-    )
-    for name in problem.rows.names:
-        own = problem.rows.rows_of(name)
-        step = resolution(value[own])
-        given, counts = np.unique(value[own], return_counts=True)
-        elsewhere = int(counts[1:-1].max(initial=1))
-        for end, word in ((-1, "largest"), (0, "smallest")):
-            at, count = float(given[end]), int(counts[end])
-            rest = own[value[own] != at]
-            if count < _FEWEST_PILED or count <= _MORE * elsewhere or not rest.size:
-                continue
-            if float(np.sqrt(((value - fitted)[rest] ** 2).mean())) < _RESOLVED * step:
-                continue
-            upper = special.ndtr((at + 0.5 * step - fitted[own]) / found.sigma[own])
-            lower = special.ndtr((at - 0.5 * step - fitted[own]) / found.sigma[own])
-            p = min(1.0, looks * float(special.gammainc(count - 1, float((upper - lower).sum()))))
-            if p < REFUTED:
-                says = (
-                    f"{count} of {own.size} values of {name} are {at:g} exactly, the {word} of all "
-                    f"(p = {p_text(p)} by rounding and noise): values beyond look clipped, and the constants "
-                    "are off by as much as they miss. Give them as they were read"
-                )
-                figures = {"observable": name, "value": at, "n": count, "p": p}
-                return Fact(False, says, figures, FACTS["censoring"])
-    return None
-
-
 def truncation(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Look for an end of an observable that is too sharp: readings beyond it were discarded.
 
@@ -341,15 +196,16 @@ def truncation(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """
     looks = list(_looks(problem, found))
     ends = 2 * len(problem.rows.names)
-    best = max(looks, key=lambda look: look.gain, default=None)
+    best = min(looks, key=lambda look: look.p(ends), default=None)
     if best is None:
         return None
     p = best.p(ends)
     if p >= REFUTED or any(look.share > MOST_MISSING and look.p(ends) < REFUTED for look in looks):
         return None
     side = "above" if best.sign > 0.0 else "below"
+    end = 1.0 if best.given else best.end
     says = (
-        f"no value of {best.observable} lies {side} {best.end:.4g}, where the law and its noise would have "
+        f"no value of {best.observable} lies {side} {end:.4g}, where the law and its noise would have "
         f"some {best.missing:.0f} (p = {p_text(p)}, by errors that are cut off there): "
         "values look left out for their size, or errors are skewed. If left out, the constants are off by "
         "as much as they miss: give all"
@@ -363,7 +219,7 @@ def truncation(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 class _Look:
     """One end of an observable: the fall of -2 log likelihood with a cut there, and how many it takes.
 
-    `share` is their number over that of the readings.
+    `share` is their number over that of the readings, `given` whether the end was known beforehand.
     """
 
     observable: str
@@ -372,9 +228,12 @@ class _Look:
     gain: float
     missing: float
     share: float
+    given: bool = False
 
     def p(self, looks: int) -> float:
         """Of the fall, where so many ends were looked at."""
+        if self.given:
+            return min(1.0, TIMES_GIVEN * math.exp(-0.5 * self.gain))
         return min(1.0, TIMES_FITTED * looks * math.exp(-0.5 * self.gain))
 
 
@@ -387,8 +246,12 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
         groups = _noises(problem, own)
         sigma = Misfit(found.sigma, groups).sigma(value - fitted)
         z = (value - fitted)[own] / sigma[own]
-        for sign in (1.0, -1.0):
+        for sign, given in ((1.0, False), (-1.0, False), (1.0, True)):
             end = sign * float((sign * value[own]).max()) + sign * 0.5 * resolution(value[own])
+            if given:  # readings of e_n above 1 are those that one discards
+                if name != "e_n" or end > 1.0 + resolution(value[own]):
+                    continue
+                end = 1.0 + 0.5 * resolution(value[own])
             alpha = sign * (end - fitted[own]) / sigma[own]
             if float(special.log_ndtr(alpha).sum()) >= math.log(_SUSPICIOUS):
                 continue
@@ -398,7 +261,9 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
             whole, _ = _descent(problem, found, groups, sigma)
             deviance, missing = _descent(problem, found, groups, sigma, own, sign, end)
             dof = own.size - float(found.gaussian.leverage[own].sum())
-            yield _Look(name, sign, end, (whole - deviance) * dof / own.size, missing, missing / own.size)
+            yield _Look(
+                name, sign, end, (whole - deviance) * dof / own.size, missing, missing / own.size, given
+            )
 
 
 def _noises(problem: Problem, own: Index) -> tuple[Index, ...]:

@@ -13,6 +13,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.angle_error_size import AngleSlopes
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import chi2_by_observable, chi2_of_given, lack_of_fit
+from ifrfit.inference.diagnostics.normal_restitution import OF_SPEEDS, hides_speeds
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers, residuals_of
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
@@ -108,6 +109,8 @@ def scatter_too_large(
             "errors of one size, whatever the angle or the value, describe them better than sigma does (-2 "
             f"log likelihood falls by {drop:.3g})"
         )
+    elif set(wide) <= {"e_n", "v_n"} and hides_speeds(problem):
+        why = f"sigma is too small, or impacts differ in speed, which no column holds: {OF_SPEEDS}"
     if uneven is None:
         anew = ", and looks for errors of the angles anew" if is_level else ""
         remedy = f"; --noise {scattered.noise.policy} takes its size from the scatter{anew}"

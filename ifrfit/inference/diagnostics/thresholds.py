@@ -20,6 +20,7 @@ PULL = 3.0
 COARSE = 0.6
 TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
+TIMES_GIVEN = 0.3
 MOST_MISSING = 5.0
 FEWEST_ALIKE = 5
 BY_CHANCE = 0.001
@@ -100,9 +101,11 @@ FACTS = {
     "the row that speaks most, that single outliers do not reach and errors of velocities miss by "
     f"{ALIKE:g}; looked for where nothing else is found; outliers are those under such a noise",
     "angle_scatter": f"stands only where it fails: p < {REFUTED:g} of an error of one degree in the angle of "
-    "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
-    "errors of the size of largest likelihood no lack of fit (p >= 0.01), slip, effect or other series is "
-    "left; a sigma that is too small, errors of velocities or in proportion to the value, outliers, "
+    "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01), or, where "
+    f"all angles are multiples of 10, 5, 2 or 1 degrees, a fall of -2 log likelihood of {DECISIVE:g} with "
+    "angles rounded to these; with errors of the size of largest likelihood no lack of fit (p >= 0.01), "
+    "slip, effect or other series is left; a sigma that is too small, errors of velocities or in proportion "
+    "to the value, outliers, "
     f"impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named "
     f"beside it where they take no {ALIKE:g} less; errors of one size that sigma does not have take "
     f"{ALIKE:g} less",
@@ -126,13 +129,14 @@ FACTS = {
     "of another inertia factor, which may be mistaken for them; named is the largest fall of -2 log "
     "likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
-    "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, of lengths "
-    "along the wall, of spins and of values whose largest is exactly 1, velocities as they were above the "
-    "wall, spin before that is not in the table, another inertia factor, a constant "
-    f"that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the table with "
-    "another sign, with angles from the wall or in radians, percent, squares, sizes without sign, values "
-    "sorted by themselves or shifted by a line, exchanged columns, spins in other units, centre for contact "
-    "point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
+    "speaks most: of an offset of the angles, a turned camera, the scale of angles, of speeds, those of "
+    "the contact point too, of lengths along the wall, of spins and of values whose largest is exactly 1, "
+    "velocities as they were above the wall, spin before that is not in the table, another inertia factor, "
+    f"a constant that drifts along the table; and a fall of -2 log likelihood below {DECISIVE:g} for the "
+    "table with another sign, with angles from the wall, in radians or in gon, percent, squares, sizes "
+    "without sign, values sorted by themselves or shifted by a line, exchanged columns, spins in other "
+    "units, centre for contact point, 0 or one repeated number for 'not measured'; in the table and in each "
+    "of its series, p "
     "times their number; for signs, angles, percent, squares and spins of the other sign in some rows, too, "
     "beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "
@@ -140,22 +144,27 @@ FACTS = {
     "sorted by angle, speed or the values of an observable; what explains as much is named beside it. "
     "Where it leaves a smooth departure, a further slip with a size or a prior that is missed "
     f"(p < {REFUTED:g}, three times) it is said to explain a part",
-    "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
-    "every decimal, by noise and rounding (Poisson); or, where no misfit and no slip is found, changes of "
-    "the residuals, in one unit, of two observables of one velocity from one angle to the next correlate by "
-    f"more than 0.95 (p < {REFUTED:g}, times twice the number of pairs)",
+    "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting, in one "
+    "series or in two, agree in every decimal, by noise and rounding (Poisson); or, where no misfit and no "
+    "slip is found, changes of the residuals, in one unit, of two observables of one velocity from one angle "
+    f"to the next correlate by more than 0.95 (p < {REFUTED:g}, times twice the number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",
     "censoring": f"stands only where it fails: p < {REFUTED:g}, times the number of ends of observables, "
-    "that so many readings are equal to the largest or smallest one, by rounding and noise (Poisson)",
+    "that so many readings, as fitted or in m/s, are equal to the largest or smallest one, by rounding and "
+    "noise (Poisson); or, where a tenth of the impacts have the largest speed before, that readings scatter "
+    "so much more in them (F, times three and the number of observables)",
     "truncation": "stands only where it fails: the law with errors that are cut off at the outermost reading "
     f"of an observable takes so much off -2 log likelihood that exp(-fall/2), times {TIMES_FITTED:g} and the "
-    f"number of ends of observables, is below {REFUTED:g}, the noise taken from its own rows; the law runs "
-    f"through the readings beside the end, and of none more than {MOST_MISSING:g} times as many are missing "
+    f"number of ends of observables, is below {REFUTED:g}, the noise taken from its own rows; of e_n also "
+    f"where errors cut off at 1 make {TIMES_GIVEN:g} times exp(-fall/2) so small; the law runs through the "
+    f"readings beside the end, and of none more than {MOST_MISSING:g} times as many are missing "
     "as are there (errors are skewed then); looked for where nothing else is found",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
-    "more, not simulated, all the same in every decimal",
+    "more, not simulated, all the same in every decimal; or three readings or more of any observable, twice "
+    f"as many as of any other number, are the mean of all others (p < {REFUTED:g} by rounding and noise, "
+    "Poisson, three times the number of looks)",
     "outliers": "studentised residuals, or those from the fit without the row, within the Bonferroni limit "
     f"at {100 * REFUTED:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",

@@ -97,7 +97,9 @@ class Density:
             return self._scattered(points, n)
         if n == self.impact.size:
             return self.rows(points)
-        return np.asarray(self.rows(points) @ (self.impact[:, None] == np.arange(n)).astype(float))
+        order = np.argsort(self.impact, kind="stable")
+        first = np.searchsorted(self.impact[order], np.arange(n))
+        return np.asarray(np.add.reduceat(self.rows(points)[:, order], first, axis=1))
 
     @cached_property
     def impact(self) -> Index:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -94,6 +94,16 @@ class Problem:
         -------
         ndarray, (..., n)
         """
+        return self.by_parts(lambda part: part._predict(theta))
+
+    def by_parts(self, of: Callable[[Problem], Array], axis: int = -1) -> Array:
+        """What is asked of the problem, row by row along an axis; of many rows, some of them at a time."""
+        blocks = self.rows.blocks
+        if len(blocks) == 1:
+            return of(self)
+        return np.concatenate([of(replace(self, rows=rows)) for _, rows in blocks], axis=axis)
+
+    def _predict(self, theta: Array) -> Array:
         e_n, c, mu = self._columns(theta)
         k, _ = self.impulse(e_n, c, mu)
         return self.values_with(k, e_n, mu)
@@ -144,6 +154,9 @@ class Problem:
         -------
         ndarray, (..., n, p)
         """
+        return self.by_parts(lambda part: part._jacobian(theta), -2)
+
+    def _jacobian(self, theta: Array) -> Array:
         e_n, c, mu = self._columns(theta)
         k, _ = self.impulse(e_n, c, mu)
         shift = _STEP * np.array([1.0, -1.0]).reshape(2, *(1,) * k.ndim)

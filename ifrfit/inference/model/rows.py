@@ -104,7 +104,7 @@ class Rows:
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
         """The observables that occur, each with its rows and the incidence of those."""
         at = [self.rows_of(name) for name in self.names]
-        parts = [self.incidence if rows.size == len(self) else self.incidence.take(rows) for rows in at]
+        parts = [self.incidence.take(_span(rows)) for rows in at]
         return tuple(zip(self.observables, at, parts, strict=True))
 
     def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
@@ -216,6 +216,15 @@ class Rows:
 
 
 _BY_ROW = tuple(f.name for f in fields(Rows) if f.name not in ("incidence", "names"))  # one number a row
+
+
+def _span(rows: Index) -> Index | slice:
+    """The same rows as a slice, of which no copy is taken, where they are evenly spaced."""
+    if rows.size < 2:
+        return rows
+    step = int(rows[1] - rows[0])
+    is_even = bool((rows[1:] - rows[:-1] == step).all())
+    return slice(int(rows[0]), int(rows[-1]) + 1, step) if is_even else rows
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:

@@ -34,6 +34,9 @@ _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
 _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
+# Change of the log evidence in that look from which on a first grid hardly ends it, and the share of the work
+# that it may then take: one that takes more leaves no room for a second
+_ROUGH, _OF_A_ROUGH_GRID = 0.2, 0.6
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
@@ -271,18 +274,15 @@ class Refinement:
             has_room = integral.is_within(_MEMORY, _OF_A_LOOK * self.work_left)
         if not has_room:
             raise _too_large(self._integral.size())
-        self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
+        looked = self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
         if is_unbounded and self._integral.size() > _SMALL:
             self.work_left -= self._integral.refine_transitions(self.tolerance, self.work_left)
         if self._is_over():
             raise TimeoutError
-        if self._is_too_large():
+        share = _OF_A_ROUGH_GRID if looked > _ROUGH else 1.0
+        if not self._integral.is_within(_MEMORY, share * self.work_left):
             raise _too_large(self._integral.size())
-
-    def _is_too_large(self) -> bool:
-        """Whether the present nodes would fill the memory, or take more work than is left."""
-        return not self._integral.is_within(_MEMORY, self.work_left)
 
     def _evaluate(self) -> None:
         self.work_left -= self._integral.work()
@@ -335,7 +335,7 @@ class Refinement:
             restore()
             allowed *= _LOOSER
             changed = self._integral.refine(sources, allowed)
-        if self._is_too_large():
+        if not self._integral.is_within(_MEMORY, self.work_left):
             restore()
             return False
         return changed

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ifrfit.inference.model.error_law import GAUSSIAN
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
-from ifrfit.inference.posterior.quadrature_axis import integral_up_to, rule
+from ifrfit.inference.posterior.quadrature_axis import integral_of_some, rule
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, Quadratic, SumOfSquares
 
@@ -384,17 +385,24 @@ class TwoSidedIntegrals:
             1 for the rules alone, 2 for the coarse ones too.
         """
         distance = c - self.mode[node]
-        side = (distance >= 0.0).astype(np.intp)
-        u_max = self.u_max[side, node]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            v = np.arcsinh(np.abs(distance) / self.size[node]) / u_max
-        inside = np.flatnonzero(((v < 1.0) & (u_max > 0.0)).reshape(-1))
-        column = (side * self.mode.size + node).reshape(-1)[inside]
-        at = v.reshape(-1)[inside]
-        found = np.empty((levels, *side.shape))
+        is_above = distance >= 0.0
+        distance = np.abs(distance)
+        below, above = self._half_width[:, node]
+        inside = np.flatnonzero(distance < np.where(is_above, above, below))
+        side, own = is_above.reshape(-1)[inside], node.take(inside % node.size)
+        column = side * self.mode.size + own
+        at = np.arcsinh(distance.reshape(-1)[inside] / self.size[own]) / self.u_max.reshape(-1)[column]
+        np.minimum(at, 1.0, out=at)
+        found = np.empty((levels, *c.shape))
         for level in range(levels):
-            amount = self.total[level][side, node].reshape(-1)  # beyond u_max all of a side
-            amount[inside] = integral_up_to(self.coefficients[level].take(column, axis=1).T, at)
-            amount = amount.reshape(side.shape)
-            found[level] = self.total[level, 0, node] + np.where(side == 1, amount, -amount)
+            left, right = self.total[level]
+            found[level] = np.where(is_above, (left + right)[node], 0.0)  # beyond u_max all of a side
+            amount = integral_of_some(self.coefficients[level], column, at)
+            found[level].reshape(-1)[inside] = left[own] + np.where(side, amount, -amount)
         return found
+
+    @cached_property
+    def _half_width(self) -> Array:
+        """Distance from the mode at which u is u_max, (2, n)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.where(self.u_max > 0.0, self.size * np.sinh(self.u_max), 0.0)

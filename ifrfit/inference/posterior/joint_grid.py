@@ -127,8 +127,10 @@ class JointIntegral:
 
         return restore
 
-    def drop_empty_panels(self, negligible: float) -> None:
+    def drop_empty_panels(self, negligible: float) -> float:
         """Drop the panels in which a look at a low order finds no more than a share of the mass.
+
+        Gives the change of the log evidence in that look.
 
         Without it the grids of 9 of 43 drawn tables were too large, and the others took 1.2 times as long in
         the median, 3.8 times at most.
@@ -138,10 +140,12 @@ class JointIntegral:
             masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
             for grid in density.grids:
                 masses += grid.panel_masses(density.share)
-        for axis, mass in masses if density.evidence_error() <= _BLIND else ():
+        error = density.evidence_error()
+        for axis, mass in masses if error <= _BLIND else ():
             axis.drop(mass, negligible)
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
+        return error
 
     def refine_transitions(self, allowed: float, most_work: float) -> float:
         """Refine the transitions as far as a low order along everything else shows their errors.

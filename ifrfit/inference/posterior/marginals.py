@@ -99,8 +99,18 @@ class Marginal:
             self._known_quantiles[tolerance] = self.quantiles(np.array(LEVELS), tolerance)
         return self._known_quantiles[tolerance]
 
+    def density_at_levels(self, tolerance: float) -> Array:
+        """Density at these quantiles, worked out once."""
+        if tolerance not in self._known_densities:
+            self._known_densities[tolerance] = self.density(self.at_levels(tolerance))
+        return self._known_densities[tolerance]
+
     @cached_property
     def _known_quantiles(self) -> dict[float, Array]:
+        return {}
+
+    @cached_property
+    def _known_densities(self) -> dict[float, Array]:
         return {}
 
     def density(self, at: Array) -> Array:
@@ -258,7 +268,7 @@ def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:
     accuracy = tolerance if own.kinks is not None or own.errors is not None else _BESIDE
     at = own.at_levels(accuracy)
     fine, coarse = own.cdf(at, 2)
-    return float((np.abs(coarse - fine) / np.maximum(own.density(at), 1e-4 / sd)).max()) / sd
+    return float((np.abs(coarse - fine) / np.maximum(own.density_at_levels(accuracy), 1e-4 / sd)).max()) / sd
 
 
 def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> list[PanelErrors]:
@@ -268,7 +278,7 @@ def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
         sd = own.moments(0)[1]
         if own.errors is not None and sd > 0.0:
             at = own.at_levels(tolerance)
-            found += own.errors(at, 1.0 / np.maximum(own.density(at) * sd, 1e-4))
+            found += own.errors(at, 1.0 / np.maximum(own.density_at_levels(tolerance) * sd, 1e-4))
     return found
 
 

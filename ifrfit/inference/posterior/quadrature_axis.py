@@ -78,13 +78,25 @@ def integral_up_to(coefficients: Array, v: Array) -> Array:
     if y.size <= _FEW:  # all polynomials at once
         k = np.arange(coefficients.shape[-1])
         return np.asarray((coefficients * np.cos(k * np.arccos(y)[..., None])).sum(axis=-1))
-    # Clenshaw's recurrence; numpy's chebval takes half as long again here
+    shape = np.broadcast_shapes(coefficients.shape[:-1], v.shape)
+    return _clenshaw(lambda j: coefficients[..., j], coefficients.shape[-1], y, shape)
+
+
+def integral_of_some(coefficients: Array, which: Index, v: Array) -> Array:
+    """The same with coefficients along the first axis, of the polynomial (n,) that each v (n,) asks for."""
+    return _clenshaw(lambda j: coefficients[j].take(which), coefficients.shape[0], 2.0 * v - 1.0, v.shape)
+
+
+def _clenshaw(coefficient: Callable[[int], Array], count: int, y: Array, shape: tuple[int, ...]) -> Array:
+    """Clenshaw's recurrence for a sum of Chebyshev polynomials; numpy's chebval takes half as long again."""
     twice = 2.0 * y
-    ahead = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], v.shape))
-    second = ahead
-    for j in range(coefficients.shape[-1] - 1, 0, -1):
-        ahead, second = coefficients[..., j] + twice * ahead - second, ahead
-    return np.asarray(coefficients[..., 0] + y * ahead - second)
+    ahead, second, free = np.zeros(shape), np.zeros(shape), np.empty(shape)
+    for j in range(count - 1, 0, -1):
+        np.multiply(twice, ahead, out=free)
+        free += coefficient(j)
+        free -= second
+        ahead, second, free = free, ahead, second
+    return np.asarray(coefficient(0) + y * ahead - second)
 
 
 @dataclass

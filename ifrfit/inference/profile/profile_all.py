@@ -163,7 +163,7 @@ def estimates_of_profiles(
         return profiles[names[place]].estimate()
 
     constants, kappas = by_constant(problem, of_entry, of_kappa)
-    local = transitions_of(problem, gaussian, kappas)
+    local = transitions_of(problem, gaussian, constants, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series
     }
@@ -174,7 +174,7 @@ def _transition_of(
     series: str, kappa: Estimate, profiles: Mapping[str, ProfileLikelihood], local: Angles
 ) -> Angles:
     """As least squares reports it, one angle, two or none, with the intervals of the profile."""
-    if kappa.value is None:
+    if local is None:
         return None
     name = f"transition_angle_deg[{series}]"
     found = [profiles[key] for key in (name, f"{name} (first)", f"{name} (second)") if key in profiles]

@@ -112,7 +112,7 @@ def summarize_optimum(
     residuals = residuals_of(problem, optimum)
     gaussian = truncated_gaussian(problem, optimum)
     constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
-    derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, kappas))
+    derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, constants, kappas))
     table = problem.observations.table
     columns = {
         "sigma_used": optimum.sigma,
@@ -129,7 +129,7 @@ def summarize_optimum(
         statistics_of(problem, optimum, residuals, sticks),
         residuals,
         effect_lines(problem, optimum, conditions, derived),
-        pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1),
+        pd.concat([table, pd.DataFrame(columns, index=table.index, copy=False)], axis=1),
     )
 
 
@@ -239,7 +239,8 @@ def _estimates(
         constants, kappas = estimates_of(
             problem, estimation.distribution, constants, kappas, estimation.unresolved, estimation.local
         )
-    return constants, kappas, transitions_of(problem, about.gaussian, kappas, estimation.distribution)
+    transitions = transitions_of(problem, about.gaussian, constants, kappas, estimation.distribution)
+    return constants, kappas, transitions
 
 
 def _facts(
@@ -264,11 +265,12 @@ def _facts(
     by_hand = (
         "unrelated_readings",
         "duplicates",
+        "repeated_number",
+        "censoring",
         "slips",
         "angle_scatter",
         "angular_momentum",
         "rounded_readings",
-        "censoring",
         "truncation",
         "scatter_too_small",
     )

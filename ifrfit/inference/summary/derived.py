@@ -74,6 +74,7 @@ def _meant(meaning: Meaning, name: str, c: Estimate, j: float) -> Estimate:
 def transitions_of(
     problem: Problem,
     gaussian: TruncatedGaussian,
+    constants: Constants,
     kappas: Mapping[str, Estimate],
     distribution: Distribution | None = None,
 ) -> dict[str, Angles]:
@@ -84,6 +85,8 @@ def transitions_of(
     problem : Problem
     gaussian : TruncatedGaussian
         Of least squares: its optimum says how many angles there are.
+    constants : mapping
+        Where the transition depends on the closure's own constant, there is none without a value of it.
     kappas : mapping
         By series; their status is that of the angles, and without a value there is none.
     distribution : Distribution, optional
@@ -94,7 +97,7 @@ def transitions_of(
     for number, series in enumerate(problem.series):
         name, kappa = transition_name(series), kappas[series]
         at_optimum = gaussian.marginals.get(name)
-        if at_optimum is None or kappa.value is None:
+        if at_optimum is None or kappa.value is None or not _has_bound(problem, constants, series):
             found[series] = None
             continue
         # a fixed kappa leaves the closure constant to the transition, which the Gaussian knows
@@ -115,6 +118,15 @@ def transitions_of(
                 taus[2] = at_optimum.mode
         found[series] = _angles(problem, number, at_optimum.mode, taus, kappa)
     return found
+
+
+def _has_bound(problem: Problem, constants: Constants, series: str) -> bool:
+    """Whether the slip ratio kappa/b at which sticking ends has a b: it may depend on the own constant."""
+    own = problem.closure.constant
+    if own is None or constant_bound(problem) is not None:
+        return True
+    found = constants[own]
+    return (found if isinstance(found, Estimate) else found[series]).value is not None
 
 
 def constant_bound(problem: Problem) -> float | None:

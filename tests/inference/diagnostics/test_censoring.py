@@ -70,6 +70,25 @@ def test_discarded_readings_of_e_n_are_named_where_the_table_shows_it(tmp_path, 
     assert sum(each == ["truncation"] for each in found) >= 0.75 * seeds, found
 
 
+@pytest.mark.parametrize("seeds", rest_long((6, 24)))
+def test_readings_of_e_n_above_1_that_were_discarded_are_named(tmp_path, seeds):
+    """The end is known beforehand: a third of the readings suffices."""
+    found = [
+        named(
+            table(
+                tmp_path / "t.csv",
+                seed,
+                lambda b, e: (b, np.where(e > 1.0, np.nan, e)),
+                n=150,
+                e_n=0.97,
+                e_n_noise=0.03,
+            )
+        )
+        for seed in range(seeds)
+    ]
+    assert sum(each == ["truncation"] for each in found) >= 0.5 * seeds, found
+
+
 @pytest.mark.parametrize("seeds", rest_long((3, 20)))
 @pytest.mark.parametrize(("noise", "beta", "e_n"), [("known", 0.09, 0.06), ("scaled", 0.03, 0.06)])
 def test_a_sigma_that_is_too_large_leaves_no_readings_out(tmp_path, seeds, noise, beta, e_n):

@@ -91,3 +91,23 @@ def test_constants_that_only_together_differ(tmp_path, seed):
     assert not found.ok
     assert found.figures["separate"] == ["e_n", "mu"]
     assert "0.600" in found.says or "0.599" in found.says
+
+
+@pytest.mark.parametrize(("mu", "differ"), [(0.15, False), (0.2, True)])
+def test_series_of_one_name_in_two_files_are_compared(tmp_path, mu, differ):
+    paths = []
+    for number, friction in enumerate((0.15, mu)):
+        rng = np.random.default_rng(number)
+        gamma = np.round(rng.uniform(10.0, 78.0, 30), 1)
+        beta = rebound(gamma, e_n=0.9, e_t=-0.75, mu=friction, degrees=True).beta
+        table = {"gamma_deg": gamma, "beta": beta, "e_n": np.full(30, 0.9), "series": ["glass"] * 30}
+        table |= {name: table[name] + 0.01 * rng.standard_normal(30) for name in ("beta", "e_n")}
+        paths.append(table_file(tmp_path / f"{'ab'[number]}.csv", table, "%.4f"))
+    found = fit(paths, method="lsq")
+    assert any("the series glass is in a.csv and in b.csv" in said for said in found.warnings)
+    assert found.facts["pooling"].ok is not differ
+    if differ:
+        assert "in glass of a.csv" in found.facts["pooling"].says
+        assert "give those of different files different names" in found.facts["pooling"].says
+    alone = fit(paths[0], method="lsq")
+    assert not [said for said in alone.warnings if "the series glass" in said]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from factories import at_most, table_file
 from slips_scenes import Cause, Scene, experiment
@@ -104,3 +105,71 @@ def test_other_readings_at_the_same_angles_are_others(tmp_path, seeds, noise, of
     for seed in range(seeds):
         found = _two_records(tmp_path, seed, ["beta_cm", "e_n"], again=False, noise=noise, off=off)
         assert found is None, found.says
+
+
+def _readings(seed, names=("beta", "e_n"), n=30):
+    rng = np.random.default_rng(seed)
+    gamma = np.round(rng.uniform(10.0, 78.0, n), 1)
+    state = rebound(gamma, e_n=0.9, e_t=-0.75, mu=0.15, degrees=True)
+    values = {"beta": state.beta, "e_n": np.full(n, 0.9)}
+    table = {name: values[name] + 0.01 * rng.standard_normal(n) for name in names}
+    return pd.DataFrame({"gamma_deg": gamma} | table)
+
+
+@pytest.mark.parametrize("names", [("beta",), ("beta", "e_n")])
+def test_a_series_that_was_copied_into_another_is_named(tmp_path, names):
+    table = _readings(1, names)
+    twice = pd.concat([table.assign(series="A"), table.assign(series="B")])
+    known = {} if "e_n" in names else {"e_n": 0.9}
+    fact = fit(table_file(tmp_path / "t.csv", twice, "%.4f"), method="lsq", fix=known).facts["duplicates"]
+    assert "all 30 impacts of B are those of A" in fact.says
+    assert fact.says.endswith("--series A")
+
+
+def test_rows_that_were_copied_into_another_file_are_named(tmp_path):
+    a, b = _readings(1), _readings(2)
+    paths = [
+        table_file(tmp_path / "a.csv", a, "%.4f"),
+        table_file(tmp_path / "b.csv", pd.concat([b, a[:10]]), "%.4f"),
+    ]
+    fact = fit(paths, method="lsq").facts["duplicates"]
+    assert "10 impacts of b are those of a" in fact.says
+    assert "--exclude b.csv:32" in fact.says
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+@pytest.mark.parametrize("names", [("beta",), ("beta", "e_n")])
+@pytest.mark.parametrize("seeds", [3, pytest.param(100, marks=pytest.mark.long)])
+def test_series_at_the_same_angles_are_no_copies(tmp_path, decimals, names, seeds):
+    alarms = 0
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        beta = rebound(GAMMA, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True).beta
+        values = {"beta": beta, "e_n": np.full(GAMMA.size, 0.9)}
+        table = {name: values[name] + 0.02 * rng.standard_normal(GAMMA.size) for name in names}
+        table = {"gamma_deg": GAMMA, "series": np.resize(["A", "B", "C"], GAMMA.size)} | table
+        known = {} if "e_n" in names else {"e_n": 0.9}
+        path = table_file(tmp_path / "t.csv", table, f"%.{decimals}f")
+        alarms += "duplicates" in fit(path, method="lsq", fix=known).facts
+    assert alarms <= at_most(seeds, 0.001)
+
+
+@pytest.mark.parametrize("name", ["beta", "e_n"])
+@pytest.mark.parametrize("decimals", [4, 6])
+def test_gaps_filled_with_the_mean_are_named(tmp_path, name, decimals):
+    table = _readings(3, n=40).round(4)
+    gaps = np.random.default_rng(3).choice(40, 8, replace=False)
+    table.loc[gaps, name] = table[name].drop(gaps).mean()
+    fact = fit(table_file(tmp_path / "t.csv", table, f"%.{decimals}f"), method="lsq").facts["repeated_number"]
+    assert f"8 of 40 values of {name} are" in fact.says
+    assert "the mean of all others" in fact.says
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+@pytest.mark.parametrize("seeds", [5, pytest.param(200, marks=pytest.mark.long)])
+def test_readings_near_their_mean_are_no_filled_gaps(tmp_path, decimals, seeds):
+    alarms = 0
+    for seed in range(seeds):
+        path = table_file(tmp_path / "t.csv", _readings(seed, n=40), f"%.{decimals}f")
+        alarms += "repeated_number" in fit(path, method="lsq").facts
+    assert alarms <= at_most(seeds, 0.001)

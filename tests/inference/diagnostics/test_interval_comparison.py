@@ -102,6 +102,12 @@ def test_open_and_unknown(tmp_path: Path) -> None:
             "one, [-1.00, 1.00]: the misfit is no parabola: it bends where impacts begin to slide.",
         ),
         (
+            {"profile_low": -0.1, "profile_high": 0.2, "noise_dof": 23.0},
+            "e_t: the profile interval [-0.100, 0.200] has 15 % of the width of the exact one; believe the "
+            "exact one, [-1.00, 1.00]: far from its least the misfit rises no further, and the width of the "
+            "prior counts there.",
+        ),
+        (
             {"covariance_low": 0.4, "shape": "multimodal"},
             "e_t: the covariance interval [0.400, 1.000] has 30 % of the width of the exact one; believe the "
             "exact one, [-1.00, 1.00]: several optima describe the data, and it weighs them.",

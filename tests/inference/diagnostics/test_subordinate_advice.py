@@ -69,7 +69,7 @@ def test_a_mean_that_was_copied_down_is_one_reading(tmp_path):
     assert fact.says.startswith(
         "e_n is 0.91327 in all 30 rows: a mean that was copied down is one reading, not 30"
     )
-    assert result.summary().startswith("LOOK  one reading of e_n stands in every row")
+    assert result.summary().startswith("LOOK  one number stands in the place of several readings")
     assert "--noise" not in " ".join(each.says for each in result.facts.values() if not each.ok)
     assert not {"independence", "scatter_too_small"} & result.facts.keys()
 

@@ -196,6 +196,36 @@ def test_a_grid_that_work_ends_says_the_error_of_its_quantiles(
         assert (found.error, found.tolerance) == (of_quantiles, tolerance)
 
 
+@pytest.mark.parametrize(("moved", "is_refused"), [(0.05, False), (0.5, True)])
+def test_a_first_grid_that_leaves_no_room_for_another_is_laid_where_a_look_is_calm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: float, is_refused: bool
+) -> None:
+    from ifrfit.inference.posterior import adaptive_quadrature
+    from ifrfit.inference.posterior.joint_grid import JointIntegral
+
+    gamma = np.linspace(5.0, 80.0, 14)
+    path = impacts_file(tmp_path / "t.csv", {"gamma": gamma, "noise": 0.03, "sigma": 0.03})
+    problem = ifrfit.fit(path, method="lsq").problem
+    work: list[float] = []
+    drop = JointIntegral.drop_empty_panels
+
+    def dropped(integral: JointIntegral, negligible: float) -> float:
+        drop(integral, negligible)
+        work.append(integral.work())
+        return moved
+
+    monkeypatch.setattr(JointIntegral, "drop_empty_panels", dropped)
+    monkeypatch.setattr(adaptive_quadrature, "_OF_A_LOOK", 1.0)
+    start = least_squares(problem)
+    adaptive_quadrature.refuse_large(problem, 1e-4, start, 1e9)
+    if is_refused:
+        with pytest.raises(adaptive_quadrature.GridTooLargeError):
+            adaptive_quadrature.refuse_large(problem, 1e-4, start, work[0] / 0.8)
+    else:
+        adaptive_quadrature.refuse_large(problem, 1e-4, start, work[0] / 0.8)
+    adaptive_quadrature.refuse_large(problem, 1e-4, start, work[0] / 0.5)
+
+
 def test_a_single_small_difference_of_two_rules_is_no_convergence() -> None:
     """FR at beta0 = -1, which one value 3e6 sigma below the closure's range calls for, knows no friction.
 

@@ -22,6 +22,7 @@ SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90,
 STATED = SILENT.replace("gamma_deg,beta", "gamma_deg,beta,spin_x,spin_y,sigma_beta")
 STATED = STATED.replace("\n", ",0,0,0.02\n").replace("sigma_beta,0,0,0.02", "sigma_beta")
 FIX = {"e_n": 0.9}
+CLOSURE = "closure IFR"
 SCATTER = "errors as large as the scatter"
 INDEPENDENT = "errors independent of one another"
 COMPLETE = "no reading left out or picked for its value"
@@ -53,8 +54,13 @@ def file(tmp_path):
 )
 def test_a_table_that_is_silent(file, text, choices, assumed):
     fit = ifrfit.fit(file(text), method="lsq", fix=FIX, **choices)
-    assert fit.assumed[:-1] == (*assumed, INDEPENDENT, COMPLETE)
+    assert fit.assumed[:-1] == (CLOSURE, *assumed, INDEPENDENT, COMPLETE)
     assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move mu by ")
+
+
+def test_a_closure_that_nobody_chose_is_an_assumption(file):
+    for choices, said in (({}, True), ({"closure": "fr"}, False)):
+        assert (CLOSURE in ifrfit.fit(file(SILENT), method="lsq", fix=FIX, **choices).assumed) is said
 
 
 def test_an_offset_that_moves_nothing_is_not_told(file):
@@ -92,7 +98,7 @@ def test_a_lateral_spin_that_nobody_measured_is_assumed_away(tmp_path):
 
 def test_a_dataset_says_what_hit_what():
     said = ifrfit.fit("kharaz-2001", method="lsq").assumed
-    assert said[:2] == (f"{SCATTER}, in the proportions of sigma", INDEPENDENT)
+    assert said[:3] == (CLOSURE, f"{SCATTER}, in the proportions of sigma", INDEPENDENT)
 
 
 def test_readings_of_e_n_alone_assume_nothing_of_the_ball(file):
@@ -132,7 +138,10 @@ def test_it_is_kept_in_the_file_and_stands_on_the_page(file, tmp_path):
     again = ifrfit.load_result(tmp_path / "r.json")
     assert again.to_dict() == fit.to_dict()
     text = page(again, appraise(again, closures=False))
-    assert "Assumed: inertia factor 0.4 (solid sphere), no spin before impact, errors as large" in text
+    assert (
+        "Assumed: closure IFR, inertia factor 0.4 (solid sphere), no spin before impact, errors as large"
+        in text
+    )
 
 
 def test_of_two_files_the_one_without_spin_is_named(tmp_path):

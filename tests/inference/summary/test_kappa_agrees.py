@@ -118,3 +118,13 @@ def test_what_follows_from_a_constant_names_whose_bound_it_lies_on():
     glass = ifrfit.fit("cornell-glass", method="lsq")
     assert glass.constants["e_t"].reason == "lies on its bound -1"
     assert glass.derived["beta_sticking"].reason == "e_t lies on its bound -1"
+
+
+@pytest.mark.parametrize("method", rest_long(("bootstrap", "lsq", "profile", "exact")))
+def test_no_transition_where_its_own_constant_is_open(method: str) -> None:
+    # e_n and mu alone: sticking ends at kappa/(1 + beta0), and no row says anything of beta0
+    of_fr = ifrfit.fit("netl-glass-acrylic", closure="fr", method=method)
+    assert of_fr.constants["beta0"].value is None
+    assert of_fr.derived["transition_angle_deg"] == {"glass-acrylic": None}
+    of_ifr = ifrfit.fit("netl-glass-acrylic", method=method)  # at 2/7 of kappa, whatever e_t is
+    assert of_ifr.derived["transition_angle_deg"]["glass-acrylic"].status == "determined"

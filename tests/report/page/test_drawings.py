@@ -11,12 +11,20 @@ import numpy as np
 import pytest
 from scipy import ndimage, stats
 
+import ifrfit
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report.page.blocks import Picture
+from ifrfit.report.page.blocks import Picture, Pictures
 from ifrfit.report.page.charts.chart import Band, Box, Line, Points, Words
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.sections.constants import Span, draw_forest, draw_intervals
-from ifrfit.report.page.sections.identifiability import Directions, directions, draw_directions, share_text
+from ifrfit.report.page.sections.identifiability import (
+    Directions,
+    build,
+    directions,
+    draw_directions,
+    share_text,
+)
 from ifrfit.report.page.sections.posterior import Regions, contours, draw_corner, regions, smoothed
 from ifrfit.report.page.sections.predictive import draw_checks
 from ifrfit.report.page.sections.profiles import draw_profile
@@ -129,6 +137,16 @@ def test_directions_of_a_known_covariance():
     assert [words.text for words in of(chart, Words)] == ["+0.80", "+0.60", "−0.60", "+0.80"]
     assert [box.x[1] for box in of(chart, Box, 1) if box.edge] == pytest.approx([0.5, 0.01])
     assert share_text(-0.001) == "0"
+
+
+def test_where_bounds_narrow_what_the_data_leave_loose_the_caption_says_so(results, appraisals):
+    loose = ReportInput(results("loose"), appraisals("loose"))
+    bounded = ifrfit.fit("reagle-2013", method="lsq")
+    captions = [
+        "".join(block.caption for block in build(given) if isinstance(block, Pictures))
+        for given in (loose, ReportInput(bounded, appraise(bounded, closures=False)))
+    ]
+    assert [("owed to bounds" in caption) for caption in captions] == [False, True]
 
 
 def test_the_loose_direction_of_beta_alone_keeps_kappa(results, appraisals):

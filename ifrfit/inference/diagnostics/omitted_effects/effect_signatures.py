@@ -177,8 +177,8 @@ def directions(
     chi: float | None = None,
     speed: float = 0.0,
     e_n_known: bool = True,
-) -> list[Direction]:
-    """Every direction that these rows can show.
+) -> Iterator[Direction]:
+    """Every direction that these rows can show, one at a time.
 
     Parameters
     ----------
@@ -196,12 +196,10 @@ def directions(
     e_n_known : bool
         Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
     """
-    return [
-        *_tangential(problem, theta, jacobian, sigma, chi),
-        *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), e_n_known),
-        *_rolling(problem, theta),
-        *_inertia(problem, theta),
-    ]
+    yield from _tangential(problem, theta, jacobian, sigma, chi)
+    yield from _of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), e_n_known)
+    yield from _rolling(problem, theta)
+    yield from _inertia(problem, theta)
 
 
 def _tangential(
@@ -381,12 +379,16 @@ def _restitution_law(
 
 def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Derivative by the coefficient of rolling friction."""
-    nowhere = np.full(problem.rows.value.size, np.nan)
 
     def values(theta: Array, size: Array) -> Array:
         of_each = cast("float", size[:, None])  # theta in the place of one for all
         contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=of_each)
-        return computed(problem, contact, impacts_of(problem, theta, nowhere, nowhere), ("rolling",))
+
+        def of_part(part: Problem) -> Array:
+            nowhere = np.full(len(part.rows), np.nan)
+            return computed(part, contact, impacts_of(part, theta, nowhere, nowhere), ("rolling",))
+
+        return problem.by_parts(of_part)
 
     free, slowed = values(np.stack((theta, theta)), np.array([0.0, _SMALL_COUPLE]))
     change = np.nan_to_num((slowed - free) / _SMALL_COUPLE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,12 +102,52 @@ class Score:
         return 1.0 if self.direction.two_sided or self.strength > 0.0 else -1.0
 
 
-def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *, known: bool) -> list[Score]:
+@dataclass(frozen=True)
+class ScoreTest:
+    """Residuals that directions are tested against, one after the other.
+
+    Attributes
+    ----------
+    own : ndarray, (n, k)
+        Orthonormal basis of what the constants can take.
+    left : ndarray, (n,)
+        Part of the residuals over sigma that they cannot.
+    known : bool
+        Whether sigma is known.
+    """
+
+    own: Array
+    left: Array
+    known: bool
+
+    @classmethod
+    def of(cls, jacobian: Array, residual: Array, *, known: bool) -> ScoreTest:
+        """The test of a fit; parameters as of `scores`."""
+        own = orthonormal(jacobian)
+        return cls(own, residual - own @ (own.T @ residual), known)
+
+    def score(self, direction: Direction) -> Score | None:
+        """Test a direction; None where the constants imitate it, or too few rows are left."""
+        own, left = self.own, self.left
+        dof = left.size - own.shape[1]
+        if dof < _FEWEST:
+            return None
+        size = float(np.linalg.norm(direction.change))
+        d = direction.change - own @ (own.T @ direction.change)
+        d -= own @ (own.T @ d)
+        if np.linalg.norm(d) > _SPANNED * size:
+            return _score(direction, d, left, dof, self.known)
+        if direction.likely and size > 0.0:  # seen beyond first order alone
+            return Score(direction, 0.0, 0.0, 0.0, 0.0, 1.0, np.zeros(d.size), None, dof - 1)
+        return None
+
+
+def scores(directions: Iterable[Direction], jacobian: Array, residual: Array, *, known: bool) -> list[Score]:
     """Test every direction that the constants cannot imitate, or imitate to first order alone (p = 1).
 
     Parameters
     ----------
-    directions : sequence of Direction
+    directions : iterable of Direction
         With changes in units of sigma.
     jacobian : ndarray, (n, p)
         Of the values over sigma, by every constant: also by fixed ones, so that an effect is not blamed for
@@ -129,21 +169,8 @@ def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *,
     normal with variance 1, and Student's t over the scatter of what is left (Rao 1948, Proc. Camb. Phil.
     Soc. 44, 50).
     """
-    own = orthonormal(jacobian)
-    left = residual - own @ (own.T @ residual)
-    dof = residual.size - own.shape[1]
-    if dof < _FEWEST:
-        return []
-    found = []
-    for direction in directions:
-        size = float(np.linalg.norm(direction.change))
-        d = direction.change - own @ (own.T @ direction.change)
-        d -= own @ (own.T @ d)
-        if np.linalg.norm(d) > _SPANNED * size:
-            found.append(_score(direction, d, left, dof, known))
-        elif direction.likely and size > 0.0:  # seen beyond first order alone
-            found.append(Score(direction, 0.0, 0.0, 0.0, 0.0, 1.0, np.zeros(d.size), None, dof - 1))
-    return found
+    test = ScoreTest.of(jacobian, residual, known=known)
+    return [one for one in map(test.score, directions) if one is not None]
 
 
 def _score(direction: Direction, d: Array, left: Array, dof: int, known: bool) -> Score:
@@ -216,18 +243,25 @@ def effect_scores(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, e_n_known=e_n_known)
     residual = problem.residual(theta) / fit.sigma
-    tested = scores(
-        [replace(d, change=d.change / fit.sigma) for d in every],
-        jacobian / fit.sigma[:, None],
-        residual,
-        known=problem.noise.is_known and problem.error_model.is_plain,
-    )
-    if all(one.direction.name in RIVALS for one in tested):
+    known = problem.noise.is_known and problem.error_model.is_plain
+    test = ScoreTest.of(jacobian / fit.sigma[:, None], residual, known=known)
+    p: list[float] = []
+    best: dict[
+        str, tuple[int, Score]
+    ] = {}  # of an effect at several of its numbers the one that explains most
+    for each in directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, e_n_known=e_n_known):
+        one = test.score(replace(each, change=each.change / fit.sigma))
+        if one is None:
+            continue
+        _, other = best.get(each.name, (0, None))
+        if other is None or one.drop * one.towards > other.drop * other.towards:
+            best[each.name] = len(p), one
+        p.append(one.p)
+    if all(name in RIVALS for name in best):
         return {}
-    corrected = [replace(one, p=p) for one, p in zip(tested, holm([one.p for one in tested]), strict=True)]
-    return _each_best(corrected)
+    corrected = holm(p)
+    return {name: replace(one, p=corrected[number]) for name, (number, one) in best.items()}
 
 
 def effects_fact(problem: Problem, found: Mapping[str, Score], beside: Sequence[str] = ()) -> Fact | None:
@@ -243,16 +277,6 @@ def effects_fact(problem: Problem, found: Mapping[str, Score], beside: Sequence[
     least = min(one.p for one in found.values())
     says = called_words(problem, named, beside) if named else none_words(list(found), least)
     return Fact(not named, says, figures, FACTS["effects"])
-
-
-def _each_best(tested: Sequence[Score]) -> dict[str, Score]:
-    """By name; of an effect at several of its numbers the one that explains most."""
-    found: dict[str, Score] = {}
-    for one in tested:
-        other = found.get(one.direction.name)
-        if other is None or one.drop * one.towards > other.drop * other.towards:
-            found[one.direction.name] = one
-    return found
 
 
 def _figures(one: Score) -> dict[str, float]:

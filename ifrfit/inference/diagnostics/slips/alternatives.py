@@ -14,6 +14,7 @@ from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 
 _FEWEST_RANKED = 8  # values that ascend with the angle by no chance
+_OF_GON = 0.9  # degrees
 _TALL = 1.5  # median size of a fraction from which it may be in percent
 _NEAREST = 1e-3  # share of the angles' range by which a number may lie beyond its end
 _EXCHANGED = (
@@ -218,12 +219,19 @@ def _of_angles(table: _Table) -> Iterator[Alternative]:
     if not angled.any() or not np.ptp(gamma[angled]) > 0.0:
         return
     after = {name: (90.0, -1.0) for name in table.names if _from_wall(table, name)}
-    for name, other in (("angle-from-wall", 90.0 - gamma), ("angle-in-radians", np.degrees(gamma))):
+    read = {name: (0.0, 1.0 / _OF_GON) for name in table.names if OBSERVABLES[name].unit == "deg"}
+    for name, other in (
+        ("angle-from-wall", 90.0 - gamma),
+        ("angle-in-radians", np.degrees(gamma)),
+        ("angle-in-gon", _OF_GON * gamma),
+    ):
         if float(other[table.of].max()) <= 90.0 * (1.0 + _NEAREST):
             incidence = table.incidence(gamma=np.minimum(other, 90.0))
             yield table.meant(name, incidence=incidence)
             if after and name == "angle-from-wall":
                 yield table.meant("angles-from-wall", " and ".join(after), incidence=incidence, values=after)
+            if read and name == "angle-in-gon":
+                yield table.meant("angles-in-gon", " and ".join(read), incidence=incidence, values=read)
 
 
 def _from_wall(table: _Table, name: str) -> bool:

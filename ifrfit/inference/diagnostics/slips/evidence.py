@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
-from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, ScoreTest, holm, scores
 from ifrfit.inference.diagnostics.quadratic_forms import smooth_departure
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
 from ifrfit.inference.diagnostics.slips.compared_fit import (
@@ -47,8 +47,7 @@ def tried(
     """
     whole = ComparedFit.of(problem, fit)
     plain = problem.error_model.is_plain
-    sized = _sized(problem, fit)
-    found = _of_size(whole, sized, far=effects or explains_little(whole))
+    found = _of_size(whole, far=effects or explains_little(whole))
     if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
@@ -58,7 +57,7 @@ def tried(
         found += missing_values(problem, fit)
         found += _mixed(whole)
     if plain and 1 < len(problem.series) <= MOST_SERIES:
-        found += _in_series(ComparedFit.by_series(problem, fit), sized, differ=differ)
+        found += _in_series(ComparedFit.by_series(problem, fit), differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
         found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
@@ -72,18 +71,20 @@ def _usual(whole: ComparedFit) -> bool:
     return chi2 < DECISIVE + float(special.chdtri(whole.dof, 1.0 - _USUAL))
 
 
-def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Array]]:
-    """Slips with a size, each with the derivative of the values by it."""
+def _sized(whole: ComparedFit) -> Iterator[tuple[Nuisance, Array]]:
+    """Slips with a size, each with the derivative of the values by it, one at a time."""
+    fit = whole.fit
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
-    return [(each, each.slope(fit.optimum.theta)) for each in nuisances(problem) if each.name not in fitted]
+    every = (each for each in nuisances(whole.problem) if each.name not in fitted)
+    return ((each, each.slope(fit.optimum.theta)) for each in every)
 
 
-def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, far: bool) -> list[Slip]:
+def _of_size(whole: ComparedFit, *, far: bool) -> list[Slip]:
     """Score tests along the derivative by each size; those that matter are fitted, `far` sizes as well."""
     sigma = whole.fit.sigma
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
-    every = [(each, slope / sigma) for each, slope in sized]
-    every = [(each, along) for each, along in every if each.most * np.abs(along).max() > _INVISIBLE]
+    every = ((each, slope / sigma) for each, slope in _sized(whole))
+    every = ((each, along) for each, along in every if each.most * np.abs(along).max() > _INVISIBLE)
     best: dict[str, tuple[Nuisance, Score, float]] = {}
     for nuisance, score, p in _tested(whole, every, sigma):
         if nuisance.name not in best or score.drop > best[nuisance.name][1].drop:
@@ -92,17 +93,22 @@ def _of_size(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, far: bo
 
 
 def _tested(
-    whole: ComparedFit, sized: Sequence[tuple[Nuisance, Array]], sigma: Array
+    whole: ComparedFit, sized: Iterable[tuple[Nuisance, Array]], sigma: Array
 ) -> Iterator[tuple[Nuisance, Score, float]]:
-    """Score tests along derivatives in units of sigma, each with p corrected for their number."""
-    problem = whole.problem
+    """Score tests along derivatives in units of sigma, without their rows; p corrected for their number."""
+    problem, nothing = whole.problem, np.empty(0)
     jacobian = problem.jacobian(whole.fit.optimum.theta) / sigma[:, None]
     known = problem.noise.is_known and problem.error_model.is_plain
-    every = [Direction(each.name, along, two_sided=True) for each, along in sized]
-    tested = scores(every, jacobian, whole.residual / sigma, known=known)
-    of = [sized[next(i for i, way in enumerate(every) if way is one.direction)][0] for one in tested]
-    corrected = holm([one.p for one in tested], [each.share for each in of])
-    yield from zip(of, tested, corrected, strict=True)
+    test = ScoreTest.of(jacobian, whole.residual / sigma, known=known)
+    del jacobian  # of many rows it is large
+    tested = []
+    for nuisance, along in sized:
+        one = test.score(Direction(nuisance.name, along, two_sided=True))
+        if one is not None:
+            of_all = replace(one.direction, change=nothing)
+            tested.append((nuisance, replace(one, direction=of_all, weight=nothing)))
+    corrected = holm([one.p for _, one in tested], [each.share for each, _ in tested])
+    yield from ((*each, p) for each, p in zip(tested, corrected, strict=True))
 
 
 def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float, far: int = 0) -> Slip:
@@ -221,7 +227,7 @@ def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
     return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
 
 
-def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, differ: bool) -> list[Slip]:
+def _in_series(whole: ComparedFit, *, differ: bool) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
     Those without are tried where the series do not share constants, one of them scatters more than the
@@ -234,13 +240,13 @@ def _in_series(whole: ComparedFit, sized: list[tuple[Nuisance, Array]], *, diffe
     dof = np.maximum(count - problem.parameters.free.sum(), 0)
     known = problem.noise.is_known
     sigma = whole.fit.sigma if known else _sigma_by_series(whole)
-    of_one = []
-    for number in series:
-        only = np.where(problem.rows.series == number, 1.0 / sigma, 0.0)
-        of_one += [
-            (of_series(problem, each, number), slope * only) for each, slope in sized if not each.constant
-        ]
-    tested = list(_tested(whole, of_one, sigma))
+    of_one = (
+        (of_series(problem, each, number), np.where(problem.rows.series == number, slope / sigma, 0.0))
+        for each, slope in _sized(whole)
+        if not each.constant
+        for number in series
+    )
+    tested = sorted(_tested(whole, of_one, sigma), key=lambda one: problem.series.index(one[0].series))
     found = []
     for nuisance, score, p in tested:
         if not known:  # the noise of a series is known from its own rows

@@ -22,7 +22,7 @@ _MUCH = 0.1  # share of the speeds beyond which their scale is seldom off
 _MOST_SERIES = 6  # that are named
 _LONGEST = 4  # rows that are named
 _OF_ANGLES = ("angle-scale", "rebound-scale", "angles-scale")
-_OF_LENGTHS = ("speed-scale", "scale-along-wall", "spin-scale")
+_OF_LENGTHS = ("speed-scale", "contact-scale", "scale-along-wall", "spin-scale")
 _SCALES = (*_OF_ANGLES, *_OF_LENGTHS)
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
@@ -65,6 +65,10 @@ _SIZED = {
     ),
     "speed-scale": (
         "speeds after impact {percent} off beside those before",
+        "check scale and times of the camera",
+    ),
+    "contact-scale": (
+        "velocities of the contact point after impact {percent} off beside those before",
         "check scale and times of the camera",
     ),
     "scale-along-wall": (
@@ -131,6 +135,7 @@ _SCALED = {
     "rebound-scale": "those of rebound",
     "angles-scale": "both",
     "speed-scale": "velocities after",
+    "contact-scale": "those of the contact point after, as beta is,",
     "scale-along-wall": "those along it, before and after,",
     "spin-scale": "the spins",
 }
@@ -138,6 +143,14 @@ _UNSIZED = {
     "angle-in-radians": (
         "angles of incidence in radians, which were read as degrees",
         "--convention angle=rad",
+    ),
+    "angle-in-gon": (
+        "angles of incidence in gon (400 a circle), which were read as degrees",
+        "multiply them by 0.9",
+    ),
+    "angles-in-gon": (
+        "angles of incidence and {0} in gon (400 a circle), which were read as degrees",
+        "multiply all of them by 0.9",
     ),
     "angles-from-wall": (
         "angles of incidence and {0} from the wall, which were read as those from the normal",
@@ -349,6 +362,8 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             what = f"spin_{axis} (before) of the opposite sign in some of its {where}"
             return what, f"turn the sign round in these lines ({back})"
         what, remedy = _MIXED[name]
+        if name == "mixed-sign" and not problem.rows.incidence.spin_y.any():
+            remedy += ", unless they are later bounces, whose spin before impact belongs into a column spin_y"
         return f"{observable} {what} in some of its {where}".strip(), remedy
     if name.startswith("sign-of-spin"):
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"

@@ -36,6 +36,7 @@ _MOVING = "zero-along"  # which may make sliding of sticking, and no line then
 _PLACES = ("x_before", "z_before", "x_after", "z_after")
 _RANGE = 1.2  # of the largest speed over the smallest, from which a zero of velocities shows
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
+_OF_CONTACT = ("beta", "tan_psi_after")  # its velocity after impact over one before
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -290,6 +291,10 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
             0.3 if shown else 0.05,
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
         )
+    contact = [i for i, name in enumerate(problem.rows.names) if name in _OF_CONTACT]
+    on_contact = np.isin(problem.rows.which, contact)
+    if on_contact.any():
+        yield Nuisance("contact-scale", _scaled(problem, on_contact.astype(float)), (-0.5, 0.5), 0.05)
     yield from _of_height(problem)
     yield from _of_zeros(problem)
     yield from _of_largest(problem)
@@ -348,11 +353,12 @@ def _of_largest(problem: Problem) -> Iterator[Nuisance]:
     for own in problem.groups().values():
         divided[own] = normalised(problem.rows.value[own])
     if divided.any():
+        yield Nuisance("divided-by-largest", _scaled(problem, divided), (-0.5, 2.0), 0.3)
 
-        def scale(theta: Array, size: Array) -> Array:
-            return np.asarray(problem.predict(theta) * (1.0 + size[:, None] * divided))
 
-        yield Nuisance("divided-by-largest", scale, (-0.5, 2.0), 0.3)
+def _scaled(problem: Problem, share: Array) -> Sized:
+    """Values of which each row has a share of the size too much, in proportion to itself."""
+    return lambda theta, size: np.asarray(problem.predict(theta) * (1.0 + size[:, None] * share))
 
 
 def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
@@ -363,15 +369,12 @@ def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
     def zero(theta: Array, size: Array) -> Array:
         return np.asarray(problem.predict(theta) + size[:, None] * on_rebound)
 
-    def scale(theta: Array, size: Array) -> Array:
-        return np.asarray(problem.predict(theta) * (1.0 + size[:, None] * on_rebound))
-
     def of_angles(theta: Array, size: Array) -> Array:
         read = readings(problem, theta, Flaw(angle=size[:, None]))
         return np.asarray(read * (1.0 + size[:, None] * on_rebound))
 
     yield Nuisance("rebound-zero", zero, (-10.0, 10.0), 2.0)
-    yield Nuisance("rebound-scale", scale, (-0.5, 0.5), 0.05)
+    yield Nuisance("rebound-scale", _scaled(problem, on_rebound), (-0.5, 0.5), 0.05)
     yield Nuisance("angles-scale", of_angles, (-0.5, 0.5), 0.05)
 
 

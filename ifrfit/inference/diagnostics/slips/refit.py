@@ -197,9 +197,12 @@ def _step(
     """Gauss-Newton step, (q,), along what is not held by a bound."""
     lower, upper = bounds
     step = _DIFFERENCE * np.where(x + _DIFFERENCE > upper, -1.0, 1.0)
-    moved = np.nan_to_num(values(x + np.diag(step)))
+    parts = in_parts(x + np.diag(step), value.size)
+    scaled = np.concatenate([np.nan_to_num(values(part), copy=False) for part in parts])
+    scaled -= value - residual
     sigma = misfit.sigma(residual)
-    scaled = (moved - (value - residual)) / (step[:, None] * sigma)
+    for one, length in zip(scaled, step.tolist(), strict=True):
+        one /= length * sigma
     z = residual / sigma
     gradient = scaled @ z
     # a constant that lies on its bound but for rounding would take the step from those that can move

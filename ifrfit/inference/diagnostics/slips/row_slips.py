@@ -31,6 +31,7 @@ _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
 _FEWEST_LEFT = 6  # rows of the observable beside them
 _REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _NEIGHBOUR = 1.5  # steps of the readings up to which two of them are neighbours
+_USUAL = 5.0  # times the median distance of neighbours up to which one is one of these
 _COMFORTABLE = 0.01  # p of one mean of all rows, once some are read in the other way
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 
@@ -138,10 +139,12 @@ def _readings(problem: Problem) -> Iterator[OtherReading]:
 def _read(problem: Problem, reading: OtherReading, at: Bool) -> Problem:
     """The question with some rows read in the other way."""
     rows = problem.rows
+    value = np.where(at, reading.value, rows.value)
+    if reading.observable:
+        return replace(problem, rows=replace(rows, value=value))
     gamma = np.clip(np.where(at, reading.gamma, rows.gamma_deg), 0.0, 90.0)
     spins = zip(reading.spin, (rows.incidence.spin_x, rows.incidence.spin_y), strict=True)
     incidence = Incidence.of(gamma, *(np.where(at, by * spin, spin) for by, spin in spins), degrees=True)
-    value = np.where(at, reading.value, rows.value)
     return replace(
         problem, rows=replace(rows, incidence=incidence, tau=incidence.tau, gamma_deg=gamma, value=value)
     )
@@ -196,10 +199,13 @@ def _divided(
     """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
     impacts = problem.rows.impacts
     at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
-    for _ in range(_ROUNDS):
+
+    def gain() -> Array:
         plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (problem, other))
-        gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
-        chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
+        return np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
+
+    for _ in range(_ROUNDS):
+        chosen = reading.possible & (np.bincount(impacts, gain()) > reading.gain)[impacts]
         if np.array_equal(chosen, at):
             break
         at = chosen
@@ -217,8 +223,9 @@ def missing_values(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
         repeated = count >= _REPEATED
         repeated[1:-1] = False
         if given.size > 1:  # the neighbour of another reading by one step of these readings is a reading, too
-            step = resolution(problem.rows.value[own])
-            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > _NEIGHBOUR * step
+            # and what is as close to the next one as these are to one another is an end of theirs
+            usual = max(_NEIGHBOUR * resolution(problem.rows.value[own]), _USUAL * np.median(np.diff(given)))
+            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > usual
         for code in given[(given == 0.0) | repeated].tolist():
             at = own[problem.rows.value[own] == code]
             if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < _FEWEST_LEFT:

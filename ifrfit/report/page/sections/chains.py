@@ -21,6 +21,7 @@ _WORDS = {
     "ess_tail_min": "smallest tail ESS",
     "tau_max": "longest autocorrelation time, steps",
     "steps_more": "further steps needed",
+    "change": "last relative change of the noise",
 }
 
 

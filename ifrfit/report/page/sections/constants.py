@@ -38,8 +38,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     """Every constant with its intervals and status, and what other methods say of it."""
     blocks: list[Block] = [
         Table(
-            "Constants, what follows from them, and the noise. Values and standard deviations as the "
-            f"{title_of(given.result.method)} gives them.",
+            f"Constants, what follows from them, and the noise. Method: {title_of(given.result.method)}.",
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),

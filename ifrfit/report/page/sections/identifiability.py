@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.result.types import Fact
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
 from ifrfit.report.page.charts.chart import Axis, Box, Chart, Mark, Panel, Words, symbol
 from ifrfit.report.page.charts.scales import Logarithmic, Ticks
@@ -62,10 +63,17 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                 "Principal directions of the posterior in the space of the free constants, each measured in "
                 "standard deviations of its default prior. Left: what a direction is made of. Right: how "
                 "wide the posterior is along it, as a share of the prior; beyond "
-                f"{HALF:g} the data leave it loose.",
+                f"{HALF:g} the data leave it loose.{_of_bounds(fact, found)}",
             )
         )
     return blocks
+
+
+def _of_bounds(fact: Fact, found: Directions) -> str:
+    """Why nothing is shaded where the data leave something loose."""
+    if fact.ok or found.ratio[0] >= HALF:
+        return ""
+    return " That none is here is owed to bounds and priors, which the sentence above leaves out."
 
 
 def directions(given: ReportInput) -> Directions | None:

@@ -46,9 +46,9 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     shown = names[:MOST]
     columns = {name: draws[name].to_numpy(dtype=float) for name in shown}
     if result.state.sample is None:
-        law = "the Gaussian around the optimum, cut at the bounds"
+        law = "Gaussian around the optimum, cut at the bounds"
     else:
-        law = f"the {title_of(result.method)}"
+        law = title_of(result.method)
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     described = "; ".join(
         f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
@@ -63,7 +63,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                     draw_corner(columns, {name: estimates[name].interval95 for name in shown}),
                 ),
             ),
-            f"{len(draws)} draws of {law}. Diagonal: marginal, with its median and the stated 95 % interval "
+            f"{len(draws)} draws, {law}. Diagonal: marginal, with its median and the stated 95 % interval "
             f"(dashed). Below: pairs with the contours that hold 68 % (solid) and 95 % (dashed).{left_out}",
         )
     ]
