@@ -23,6 +23,14 @@ _UNITS = {
     "spins-in-hertz": 0.5 / np.pi,
     "spins-in-rpm": 30.0 / np.pi,
 }
+# by how many times its size the velocity along the wall and the one across it read too large, before and after
+_ZEROS = {
+    "zero-along": (1.0, 0.0, 1.0, 0.0),
+    "zero-across": (0.0, 1.0, 0.0, -1.0),
+    "fall-between": (0.0, -1.0, 0.0, -1.0),
+    "zero-along-after": (0.0, 0.0, 1.0, 0.0),
+    "zero-across-after": (0.0, 0.0, 0.0, 1.0),
+}
 _EFFECTS = {
     "compliance": {},
     "viscoelastic": {"dissipation_time": 8e-7},
@@ -183,10 +191,14 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> tuple[Observations, di
     elif cause.name == "scale-along-wall":
         true_gamma = np.degrees(np.arctan(np.tan(np.radians(gamma)) / (1.0 + cause.size)))
         true_spin = given_spin * _speed_as_read(true_gamma, cause)
+    elif cause.name in _ZEROS:
+        along, across = _true_velocity(cause, gamma, speed)
+        true_gamma = np.degrees(np.arctan2(along, across))
+        true_spin = given_spin / np.hypot(along, across)
     lateral = np.resize([0.2, -0.4, 0.1, 0.3], scene.n) if scene.lateral else np.zeros(scene.n)
     incidence = Incidence.of(true_gamma, lateral, true_spin, degrees=True)
     state = _rebound(scene, cause, incidence, speed, j, body)
-    values = _read(scene, cause, state, true_gamma, gamma, given_spin, body["mu"])
+    values = _read(scene, cause, state, true_gamma, gamma, given_spin, speed, body["mu"])
     return _written(scene, cause, gamma, given_spin, lateral, speed, values, rng), constants
 
 
@@ -209,7 +221,15 @@ def _speed_as_read(true_gamma, cause):
     return np.sqrt((1.0 + cause.size) ** 2 * np.sin(angle) ** 2 + np.cos(angle) ** 2)
 
 
-def _read(scene, cause, state, true_gamma, gamma, spin, mu):
+def _true_velocity(cause, gamma, speed):
+    """Along the wall and towards it before impact, over the speed as read; no impact comes from beyond either."""
+    off = cause.size / speed
+    along, across = (by * off for by in _ZEROS[cause.name][:2])
+    angle = np.radians(gamma)
+    return np.maximum(np.sin(angle) - along, 0.0), np.maximum(np.cos(angle) - across, 1e-3)
+
+
+def _read(scene, cause, state, true_gamma, gamma, spin, speed, mu):
     """What is read of each observable: by components, as an instrument has them."""
     v_x, v_n, after = state.v_x, state.v_n, state.spin_y
     if cause.name == "camera-turn":
@@ -224,6 +244,10 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
     elif cause.name == "scale-along-wall":
         speed = _speed_as_read(true_gamma, cause)
         v_x, v_n, after = v_x * (1.0 + cause.size) / speed, v_n / speed, after / speed
+    elif cause.name in _ZEROS:
+        true, (along, away) = np.hypot(*_true_velocity(cause, gamma, speed)), _ZEROS[cause.name][2:]
+        v_x, v_n = true * v_x + along * cause.size / speed, true * v_n + away * cause.size / speed
+        after = true * after
     by_angle = (
         true_gamma
         if cause.name in ("angle-offset", "angle-scale", "angles-scale", "angle-scatter")

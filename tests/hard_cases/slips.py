@@ -172,6 +172,22 @@ def above_the_floor(height: float = 0.02) -> str:
     return wide(gamma_deg=gamma, speed_m_s=speed, **after)
 
 
+def moving(along: float, into: float) -> str:
+    """Raw velocities of a wall that moves by some m/s."""
+    speed, angle = np.resize([2.2, 3.9, 2.7, 3.3], ANGLES.size), np.radians(ANGLES)
+    v_x, v_n, spin = measured()
+    read = {
+        "u_x_m_s": speed * np.sin(angle) + along,
+        "u_z_m_s": speed * np.cos(angle) + into,
+        "v_x_m_s": speed * v_x + along,
+        "v_z_m_s": -speed * v_n + into,
+        "r_omega_y_after_m_s": speed * spin,
+    }
+    read = {name: v + noise(v.size, NOISE, 95 + i) for i, (name, v) in enumerate(read.items())}
+    omega = read.pop("r_omega_y_after_m_s") / 0.005
+    return wide(**read, omega_y_after_rad_s=omega, radius_mm=np.full(omega.size, 5.0))
+
+
 def rounded() -> str:
     """Impacts at any angle, which is written in steps of 5 degrees."""
     gamma = np.random.default_rng(9).uniform(10.0, 80.0, 60)
@@ -428,6 +444,20 @@ CASES = (
         "The first line says that the table has a slip: a height above the wall, in metres; no viscosity.",
         free(above_the_floor()),
         named("height", "above the wall"),
+    ),
+    slip(
+        "a wall that moves away",
+        "Raw velocities and spins, 2 to 4 m/s, of a wall that moves along its normal by 5 cm/s.",
+        "The first line says that the table has a slip: velocities off by that number; no adhesion.",
+        free(moving(0.0, 0.05)),
+        named("zero-across", "velocities across the wall before impact and after 0.0", "does the wall move"),
+    ),
+    slip(
+        "a belt",
+        "The same of a wall that moves along itself by 0.3 m/s.",
+        "The first line says that the table has a slip: velocities off by that number; no law of sticking.",
+        free(moving(0.3, 0.0)),
+        named("zero-along", "velocities along the wall before impact and after 0.", "does the wall move"),
     ),
     slip(
         "one series scatters too little",

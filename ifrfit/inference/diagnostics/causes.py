@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ifrfit.inference.diagnostics.nested_models import Pooling, pooling
@@ -13,6 +13,7 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
     ComparedFit,
     Slip,
     fitted_effect,
+    has_likely_size,
     is_decisive,
     offsets_by_series,
 )
@@ -113,13 +114,15 @@ def slips_first(
         says = "no slip in the table is looked for: there are too few rows"
         none = Fact(True, says, {"called": [], "tests": {}, "tested": False}, rule)
         return pooling | ({} if differ else {"slips": none}) | rest
-    slips = tried(problem, fit, differ=differ)
+    shows = any(one.p < REFUTED for one in scores.values())
+    slips = tried(problem, fit, differ=differ, effects=shows)
     decisive = any(is_decisive(slip) for slip in slips)
     fitted = _fitted_effects(problem, fit, scores, decisive=decisive)
     found = {name: one.drop for name, one in fitted.items() if one.p < REFUTED}
-    if not differ and (again := effects_fact(problem, {**scores, **fitted})) is not None:
-        rest = {"effects": again}
     named = named_slips(slips, max(found.values(), default=0.0))
+    beside = [] if named else [short_slip_words(problem, one) for one in _as_telling(slips, scores, found)]
+    if not differ and (again := effects_fact(problem, {**scores, **fitted}, beside)) is not None:
+        rest = {"effects": again}
     left = {slip: misfit_left(problem, fit, slip) for slip in named}
     # one that explains all stands before look-alikes, and the zero of an angle before spin that nobody saw
     named.sort(key=lambda slip: (left[slip] < REFUTED, slip.name in _RARE))
@@ -193,6 +196,15 @@ def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     decisive = sorted(every, key=lambda slip: -slip.rank)
     top = max([of_effects, *(slip.rank for slip in decisive)])
     return [slip for slip in decisive if slip.rank >= top - ALIKE]
+
+
+def _as_telling(slips: Sequence[Slip], scores: Mapping[str, Score], found: Collection[str]) -> list[Slip]:
+    """Slips that no test of so many shows, and that take as much to first order as effects that one shows."""
+    if not found or any(scores[name].p >= REFUTED for name in found):
+        return []
+    top = max(scores[name].drop for name in found)
+    sized = (slip for slip in slips if slip.sd and not slip.is_least and has_likely_size(slip))
+    return [slip for slip in sized if slip.drop >= top - ALIKE]
 
 
 def _is_of_sticking(problem: Problem, named: Sequence[Slip]) -> bool:

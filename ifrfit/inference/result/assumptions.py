@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings
+from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings, zero_of_velocities
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
@@ -40,6 +40,7 @@ _INDEPENDENT = "errors independent of one another"
 _COMPONENTS = ("v_x", "v_y", "v_n")
 _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
 _TILT = 5.0  # degrees by which a camera may look past the plane of motion, as an example
+_DRIFT = 0.01  # m/s by which the wall or the tracking may move, as an example
 _COMPLETE = "no reading left out or picked for its value"
 
 
@@ -76,6 +77,7 @@ def assumed_of(
     every = (
         plane,
         at_wall,
+        _drift_words(problem, fit, moved),
         elsewhere,
         _scale_words(problem),
         words,
@@ -101,6 +103,20 @@ def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     return (
         f"{_AT_THE_WALL} (a camera that looks {_TILT:g} degrees past the plane of motion would move {most})"
     )
+
+
+def _drift_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
+    """That neither the wall nor the tracking moves, where a little along the wall or across it matters."""
+    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    if not set(_COMPONENTS) & set(problem.rows.names) or not (speed > 0.0).all():
+        return ""
+    theta, found = fit.optimum.theta, []
+    for way in ("along", "across"):
+        off = zero_of_velocities(f"zero-{way}", _DRIFT / speed)
+        most, share = moved(problem.predict(theta) - readings(problem, theta, off))
+        found.append((share, f"wall and tracking at rest ({_DRIFT:g} m/s {way} the wall would move {most})"))
+    share, says = max(found)
+    return says if share > _MATTERS else ""
 
 
 def _count_words(problem: Problem) -> str:

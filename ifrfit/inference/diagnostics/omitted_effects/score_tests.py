@@ -264,8 +264,8 @@ def effect_scores(
     return {name: replace(one, p=corrected[number]) for name, (number, one) in best.items()}
 
 
-def effects_fact(problem: Problem, found: Mapping[str, Score]) -> Fact | None:
-    """Which effect the residuals call for; None where none could show in these rows."""
+def effects_fact(problem: Problem, found: Mapping[str, Score], beside: Sequence[str] = ()) -> Fact | None:
+    """Which effect the residuals call for, and what else may be `beside` it; None where none could show."""
     found = {name: one for name, one in found.items() if one.sd > 0.0}  # not what no line shows
     if all(name in RIVALS for name in found):
         return None
@@ -275,7 +275,7 @@ def effects_fact(problem: Problem, found: Mapping[str, Score]) -> Fact | None:
         "tests": {name: _figures(one) for name, one in found.items()},
     }
     least = min(one.p for one in found.values())
-    says = called_words(problem, named) if named else none_words(list(found), least)
+    says = called_words(problem, named, beside) if named else none_words(list(found), least)
     return Fact(not named, says, figures, FACTS["effects"])
 
 
@@ -315,13 +315,13 @@ def short_words(name: str) -> str:
     return _SHORT.get(name) or called_title(name)
 
 
-def called_words(problem: Problem, named: Sequence[Score]) -> str:
+def called_words(problem: Problem, named: Sequence[Score], beside: Sequence[str] = ()) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
     first = named[0]
     effect, *others = dict.fromkeys(_effect_words(one) for one in named)
     says = f"the residuals call for {effect}"
-    if others:
-        rest = [other.partition(",")[0] for other in others]
+    if others or beside:
+        rest = [*(other.partition(",")[0] for other in others), *beside]
         says += f", not told apart from {' or '.join(rest)}"
     parts = [f"p = {p_text(first.p)}", *_where(problem, first), *_size(problem, named), *_taken(first)]
     return f"{says}: {'; '.join(parts)}. {_remedy(problem, named)}"

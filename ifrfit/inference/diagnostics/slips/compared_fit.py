@@ -106,12 +106,17 @@ class Slip:
 
 def is_decisive(slip: Slip) -> bool:
     """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
-    if slip.unlikely > LARGEST * math.hypot(slip.usual, slip.sd):
+    if not has_likely_size(slip):
         return False
     # impacts would cross the wall or its normal, or the law is missed by so much that no angle mends it
     if slip.name == "angle-offset" and slip.is_least:
         return False
     return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
+
+
+def has_likely_size(slip: Slip) -> bool:
+    """Whether the size of a slip is one that a slip has."""
+    return slip.unlikely <= LARGEST * math.hypot(slip.usual, slip.sd)
 
 
 @dataclass(frozen=True)
@@ -214,6 +219,17 @@ class ComparedFit:
         bounds = problem.parameters.bounds()
         return search(each.values, self.misfit, problem.rows.value, start, bounds, target)
 
+    def sd_of(self, size: float, drop: float) -> float:
+        """Standard deviation of a fitted size that takes so much off -2 log likelihood."""
+        # the square of size over sd: where noises are unknown, over the scatter that is left
+        square = self.dof * math.expm1(drop / self.problem.rows.value.size) if self.misfit.groups else drop
+        return abs(size) / math.sqrt(square)
+
+    def p_of(self, after: Array, count: float) -> float:
+        """p value of what leaves these residuals, times a number of tests."""
+        careful = max(careful_drop(self.misfit, self.before, after, self.dof), 0.0)
+        return min(1.0, count * float(special.chdtrc(1, careful)))
+
     @cached_property
     def _places(self) -> Array:
         return starts(self.problem, self.fit.optimum.theta)
@@ -234,15 +250,12 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
     drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
     if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
-    size, n = float(x[-1]), problem.rows.value.size
-    # the square of size over sd: where noises are unknown, over the scatter that is left
-    square = whole.dof * math.expm1(drop / n) if whole.misfit.groups else drop
-    sd = abs(size) / math.sqrt(square)
+    size = float(x[-1])
+    sd = whole.sd_of(size, drop)
     if score.p < REFUTED:
         return replace(score, drop=drop, strength=size, sd=sd)
     after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
-    careful = max(careful_drop(whole.misfit, whole.before, after, whole.dof), 0.0)
-    p = min(1.0, count * float(special.chdtrc(1, careful)))
+    p = whole.p_of(after, count)
     moved = ((whole.before - after) / fit.sigma) ** 2
     return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=moved / moved.sum(), chi2=None)
 

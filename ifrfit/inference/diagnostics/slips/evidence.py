@@ -38,11 +38,16 @@ _STEP = 1e-6  # of derivatives by constants and size
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 
 
-def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
-    """Every slip that these rows could show, `differ` where series do not share constants."""
+def tried(
+    problem: Problem, fit: LeastSquaresFit, *, differ: bool = False, effects: bool = False
+) -> list[Slip]:
+    """Every slip that these rows could show.
+
+    `differ` where series do not share constants, `effects` where any shows.
+    """
     whole = ComparedFit.of(problem, fit)
     plain = problem.error_model.is_plain
-    found = _of_size(whole)
+    found = _of_size(whole, far=effects or explains_little(whole))
     if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
@@ -74,8 +79,8 @@ def _sized(whole: ComparedFit) -> Iterator[tuple[Nuisance, Array]]:
     return ((each, each.slope(fit.optimum.theta)) for each in every)
 
 
-def _of_size(whole: ComparedFit) -> list[Slip]:
-    """Score tests along the derivative by each size; those that matter are fitted."""
+def _of_size(whole: ComparedFit, *, far: bool) -> list[Slip]:
+    """Score tests along the derivative by each size; those that matter are fitted, `far` sizes as well."""
     sigma = whole.fit.sigma
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
     every = ((each, slope / sigma) for each, slope in _sized(whole))
@@ -84,7 +89,7 @@ def _of_size(whole: ComparedFit) -> list[Slip]:
     for nuisance, score, p in _tested(whole, every, sigma):
         if nuisance.name not in best or score.drop > best[nuisance.name][1].drop:
             best[nuisance.name] = (nuisance, score, p)
-    return [_slip(whole, *each) for each in best.values()]
+    return [_slip(whole, *each, len(best) if far else 0) for each in best.values()]
 
 
 def _tested(
@@ -106,8 +111,12 @@ def _tested(
     yield from ((*each, p) for each, p in zip(tested, corrected, strict=True))
 
 
-def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Slip:
-    """A slip as its score test has it; where that matters, with its size fitted beside the constants."""
+def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float, far: int = 0) -> Slip:
+    """A slip as its score test has it; where that matters, with its size fitted beside the constants.
+
+    Of `far` tests, where that is not 0, those with sizes of their own are fitted from these, too.
+    """
+    low, high = nuisance.limits
     slip = Slip(
         nuisance.name,
         score.drop,
@@ -117,12 +126,19 @@ def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float) -> Sli
         nuisance.usual,
         nuisance.likely,
         series=nuisance.series,
+        is_least=not low < score.strength < high,
     )
-    if p >= REFUTED:
+    beyond = nuisance.far if far else ()
+    if p >= REFUTED and not beyond:
         return slip
-    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits)
+    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond)
     theta, size = x[:-1], float(x[-1])
-    low, high = nuisance.limits
+    if p >= REFUTED:  # no line shows it
+        after = whole.problem.rows.value - nuisance.values(theta[None, :], x[-1:])[0]
+        p = whole.p_of(after, far / nuisance.share)
+        if p >= REFUTED:
+            return slip
+        slip = replace(slip, p=p, sd=whole.sd_of(size, drop))
     at = whole.problem.parameters.positions
     return replace(
         slip,

@@ -10,6 +10,7 @@ from ifrfit.inference.diagnostics.omitted_effects.score_tests import short_words
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
+from ifrfit.inference.diagnostics.slips.nuisances import GRAVITY
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
@@ -28,6 +29,7 @@ _KINDS = {
     "angles": ("angle-offset", "rebound-zero", *_OF_ANGLES, "camera-turn"),
     "scales": _OF_LENGTHS,
     "height above the wall": ("height", "fall"),
+    "zero of the velocities": ("zero-along", "zero-across"),
     "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll", "spin-zero"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
@@ -89,6 +91,28 @@ _SIZED = {
     "spin-zero": (
         "spins before impact whose zero is off, R omega_y/u larger by {size} than the table has it",
         "check their zero; add {slip.size:.2g} to the column spin_y",
+    ),
+    "zero-along": (
+        "velocities along the wall before impact and after {most} m/s too {large} (positive as the ball "
+        "comes)",
+        "does the wall move, or the tracking drift? To try it, {mend} them",
+    ),
+    "zero-across": (
+        "velocities across the wall before impact and after {most} m/s too {large} (positive into the wall)",
+        "does the wall move, or the tracking drift? To try it, {mend} them",
+    ),
+    "zero-along-after": (
+        "velocities along the wall after impact {most} m/s too {large} (positive as the ball comes)",
+        "check their zero; {mend} them",
+    ),
+    "zero-across-after": (
+        "velocities away from the wall after impact {most} m/s too {large}",
+        "check their zero; {mend} them",
+    ),
+    "fall-between": (
+        "speeds across the wall before impact and after {size} m/s too small, as where gravity acts for "
+        "{time:.2g} ms between reading and impact",
+        "carry the tracks on to the wall",
     ),
 }
 _SIZED |= {
@@ -297,6 +321,10 @@ def _formatted(text: str, slip: Slip) -> str:
         size=plus_minus(slip.size, slip.sd),
         opposite=plus_minus(-slip.size, slip.sd),
         percent=f"at least {abs(100.0 * slip.size):.0f} %" if slip.is_least else percent,
+        most=plus_minus(abs(slip.size), slip.sd),
+        large="large" if slip.size > 0.0 else "small",
+        mend=f"take {slip.size:.2g} m/s off" if slip.size > 0.0 else f"add {-slip.size:.2g} m/s to",
+        time=1000.0 * slip.size / GRAVITY,
         prior=max(1.0, math.ceil(abs(slip.size))),
         first=slip.middle - 0.5 * slip.size,
         last=slip.middle + 0.5 * slip.size,

@@ -20,9 +20,21 @@ _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
-_GRAVITY = 9.81  # m/s^2
+GRAVITY = 9.81  # m/s^2
 _HEIGHT = "height", 0.5, 0.02  # m, the largest and the usual one
 _FALL = "fall", 1.0, 0.05  # 2 g h/u^2, likewise
+# by how many times their size velocities are off, along the wall and towards it before, along and away after;
+# the smallest size and the largest, and the usual one, of the median speed
+_ZEROS = {
+    "zero-along": ((1.0, 0.0, 1.0, 0.0), -0.6, 0.6, 0.1),
+    "zero-across": ((0.0, 1.0, 0.0, -1.0), -0.6, 0.6, 0.03),
+    "fall-between": ((0.0, -1.0, 0.0, -1.0), 0.0, 0.2, 0.03),
+    "zero-along-after": ((0.0, 0.0, 1.0, 0.0), -0.2, 0.2, 0.02),
+    "zero-across-after": ((0.0, 0.0, 0.0, 1.0), -0.2, 0.2, 0.02),
+}
+_MOVING = "zero-along"  # which may make sliding of sticking, and no line then
+_PLACES = ("x_before", "z_before", "x_after", "z_after")
+_RANGE = 1.2  # of the largest speed over the smallest, from which a zero of velocities shows
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
 _OF_CONTACT = ("beta", "tan_psi_after")  # its velocity after impact over one before
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
@@ -61,6 +73,9 @@ class Flaw:
         Square of the speed towards the wall, over u^2, by which gravity raised it after it was read.
     lost : float or ndarray
         The same of the speed away from it, by which gravity lowered it before it was read.
+    x_before, z_before, x_after, z_after : float or ndarray
+        By which the velocity along the wall, and the one towards it before and away from it after, is read
+        too large, over u.
     """
 
     offset: Size = 0.0
@@ -74,6 +89,10 @@ class Flaw:
     spin_zero: Size = 0.0
     gained: Size = 0.0
     lost: Size = 0.0
+    x_before: Size = 0.0
+    z_before: Size = 0.0
+    x_after: Size = 0.0
+    z_after: Size = 0.0
 
     def of_rows(self, place: slice) -> Flaw:
         """What is off in some of the rows, where it differs from row to row."""
@@ -112,12 +131,13 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
-    length = _speed_before(true.sine, true.cosine, flaw)
+    length = 1.0 / np.hypot(*_velocity_before(problem, flaw))
     speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
     v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
     v_n = speed * (state.v_n * cosine + state.v_x * sine)
     if np.any(flaw.lost):
         v_n = np.sqrt(np.maximum(v_n**2 - flaw.lost, 0.0))
+    v_x, v_n = v_x + flaw.x_after, v_n + flaw.z_after
     v_y, spin_x, spin_y = speed * stretch * state.v_y, spin * state.spin_x, spin * state.spin_y
     with np.errstate(divide="ignore", invalid="ignore"):
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
@@ -128,32 +148,26 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
 
 def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
     """The impacts as they were, from what is given of them."""
-    given = problem.rows.incidence
-    gamma = (problem.rows.gamma_deg + flaw.offset - flaw.turn) / (1.0 + flaw.angle)
-    if np.any(flaw.along):
-        gamma = np.degrees(
-            np.arctan2(np.sin(np.radians(gamma)), (1.0 + flaw.along) * np.cos(np.radians(gamma)))
-        )
-    if np.any(flaw.gained):
-        sine, square = np.sin(np.radians(gamma)), np.cos(np.radians(gamma)) ** 2
-        gamma = np.degrees(np.arctan2(sine, np.sqrt(np.maximum(square + flaw.gained, 0.0))))
-    sine, cosine = np.sin(np.radians(gamma)), np.cos(np.radians(gamma))
-    scale = _speed_before(sine, cosine, flaw) / (1.0 + flaw.spin)
-    spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * sine
+    given, (along, towards) = problem.rows.incidence, _velocity_before(problem, flaw)
+    gamma, speed = np.degrees(np.arctan2(along, towards)), np.hypot(along, towards)
+    scale = 1.0 / speed / (1.0 + flaw.spin)
+    spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * along / speed
     return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
 
 
-def _speed_before(sine: Array, cosine: Array, flaw: Flaw) -> Size:
-    """The incoming speed as it is read, over the true one, by the true angle."""
-    if np.any(flaw.along):
-        return np.hypot((1.0 + flaw.along) * sine, cosine)
-    return 1.0 / np.sqrt(1.0 + flaw.gained)
+def _velocity_before(problem: Problem, flaw: Flaw) -> tuple[Array, Array]:
+    """True velocities along the wall and towards it, over the speed that was read."""
+    gamma = np.radians((problem.rows.gamma_deg + flaw.offset - flaw.turn) / (1.0 + flaw.angle))
+    along, towards = np.sin(gamma) / (1.0 + flaw.along), np.cos(gamma)
+    if np.any(flaw.gained):
+        towards = np.sqrt(np.maximum(towards**2 + flaw.gained, 0.0))
+    return along - flaw.x_before, towards - flaw.z_before
 
 
 def _is_of_incidence(flaw: Flaw) -> bool:
     """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
-    others = (flaw.turn, flaw.speed, flaw.along, flaw.spin, flaw.constant_spin, flaw.rolled)
-    return not any(np.any(size) for size in (*others, flaw.gained, flaw.lost))
+    own = ("offset", "angle", "spin_zero")
+    return not any(np.any(size) for name, size in vars(flaw).items() if name not in own)
 
 
 def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
@@ -209,6 +223,8 @@ class Nuisance:
         The one series it is in; empty where it is in all.
     share : float
         Of one hypothesis, in the correction for their number: less where several are ways of one slip.
+    far : tuple of float
+        Sizes that are looked at where no line shows it, and something else is amiss.
     """
 
     name: str
@@ -219,6 +235,7 @@ class Nuisance:
     constant: str = ""
     series: str = ""
     share: float = 1.0
+    far: tuple[float, ...] = ()
 
     @property
     def most(self) -> float:
@@ -279,6 +296,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
     if on_contact.any():
         yield Nuisance("contact-scale", _scaled(problem, on_contact.astype(float)), (-0.5, 0.5), 0.05)
     yield from _of_height(problem)
+    yield from _of_zeros(problem)
     yield from _of_largest(problem)
     yield from _drifts(problem)
 
@@ -289,7 +307,7 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
         return
     speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
     known = bool((speed > 0.0).all())
-    unit = 2.0 * _GRAVITY / speed**2 if known else np.ones(speed.size)
+    unit = 2.0 * GRAVITY / speed**2 if known else np.ones(speed.size)
     kind, most, usual = _HEIGHT if known else _FALL
 
     def read(name: str, before: bool, after: bool) -> Nuisance:
@@ -302,6 +320,31 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
     yield read(kind, before=True, after=True)
     yield read(f"{kind}-before", before=True, after=False)
     yield read(f"{kind}-after", before=False, after=True)
+
+
+def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
+    """Velocities whose zero is off: the wall moves, the tracking drifts, gravity acts between readings."""
+    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    if not (speed > 0.0).all() or float(speed.max()) < _RANGE * float(speed.min()):
+        return
+
+    usually = float(np.median(speed))
+
+    def read(name: str) -> Nuisance:
+        def values(theta: Array, size: Array) -> Array:
+            return readings(problem, theta, zero_of_velocities(name, size[:, None] / speed))
+
+        low, high, usual = (x * usually for x in _ZEROS[name][1:])
+        far = (-usual, usual, 3.0 * usual) if name == _MOVING else ()
+        return Nuisance(name, values, (low, high), usual, share=1.0 / len(_ZEROS), far=far)
+
+    for name in _ZEROS:
+        yield read(name)
+
+
+def zero_of_velocities(name: str, over_speed: Array) -> Flaw:
+    """The flaw of a zero of velocities, by its name and its size over the speed that was read."""
+    return Flaw(**{place: x * over_speed for place, x in zip(_PLACES, _ZEROS[name][0], strict=True)})
 
 
 def _of_largest(problem: Problem) -> Iterator[Nuisance]:
