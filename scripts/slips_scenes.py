@@ -23,7 +23,7 @@ _UNITS = {
     "spins-in-hertz": 0.5 / np.pi,
     "spins-in-rpm": 30.0 / np.pi,
 }
-# by how many times its size the velocity along the wall and the one across it read too large, before and after
+# by how many times its size velocities along the wall and across it read too large, before and after
 _ZEROS = {
     "zero-along": (1.0, 0.0, 1.0, 0.0),
     "zero-across": (0.0, 1.0, 0.0, -1.0),
@@ -222,7 +222,7 @@ def _speed_as_read(true_gamma, cause):
 
 
 def _true_velocity(cause, gamma, speed):
-    """Along the wall and towards it before impact, over the speed as read; no impact comes from beyond either."""
+    """Along the wall and towards it before impact, over the speed as read; none from beyond either."""
     off = cause.size / speed
     along, across = (by * off for by in _ZEROS[cause.name][:2])
     angle = np.radians(gamma)
