@@ -103,9 +103,13 @@ class Rows:
     @cached_property
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
         """The observables that occur, each with its rows and the incidence of those."""
-        at = [self.rows_of(name) for name in self.names]
-        parts = [self.incidence.take(_span(rows)) for rows in at]
-        return tuple(zip(self.observables, at, parts, strict=True))
+        found = []
+        for name, observable in zip(self.names, self.observables, strict=True):
+            at = self.rows_of(name)
+            if at.size:  # some rows of a table keep the names of all
+                own = self.incidence if at.size == len(self) else self.incidence.take(_span(at))
+                found.append((observable, at, own))
+        return tuple(found)
 
     def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
         """Offset and slope in the impulse factor of each tangential row, (n,); zero for the others."""
@@ -188,6 +192,7 @@ class Rows:
         return self._at(rows)
 
     def _at(self, rows: Index | slice) -> Rows:
+        rows = rows if isinstance(rows, slice) else _span(rows)
         incidence = self.incidence.map(lambda part: part[..., rows])
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
 
@@ -227,7 +232,7 @@ def _span(rows: Index) -> Index | slice:
     if rows.size < 2:
         return rows
     step = int(rows[1] - rows[0])
-    is_even = bool((rows[1:] - rows[:-1] == step).all())
+    is_even = step > 0 and bool((rows[1:] - rows[:-1] == step).all())
     return slice(int(rows[0]), int(rows[-1]) + 1, step) if is_even else rows
 
 

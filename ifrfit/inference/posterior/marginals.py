@@ -27,10 +27,11 @@ Cdf = Callable[[Array, int], Array]  # of thresholds (n,) and a number of levels
 
 OUTER = -1  # in the place of a series: values at the outer nodes
 _TINY = 1e-300
-_AT_ONCE = 256  # thresholds of a distribution function
+_THRESHOLDS = 256  # of a distribution function at once
 # places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
 _NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
-_DENSITY = np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
+_HALF_DENSITY = 0.5 * np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
+_ENDS = np.array([LEVELS[0], LEVELS[-1]])
 _BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousandth of the probability
 _NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
 _ORDER = 24  # of the rules in the logarithm of sigma
@@ -83,7 +84,7 @@ class Marginal:
         found = np.where(value >= self.high, 1.0, 0.0)
         inside = (value > self.low) & (value < self.high)
         if inside.any():
-            parts = np.array_split(value[inside], 1 + value.size // _AT_ONCE)
+            parts = np.array_split(value[inside], 1 + value.size // _THRESHOLDS)
             found[inside] = np.clip(np.concatenate([self.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
         return found
 
@@ -257,10 +258,10 @@ def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
 
 def _quantile_error_if_normal(own: Marginal, mean: float, sd: float) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
-    at = np.clip(mean + sd * _NORMAL, own.low, own.high)
+    at = np.minimum(np.maximum(mean + sd * _NORMAL, own.low), own.high)
     fine, coarse = own.cdf(at, 2)
-    change = float((np.abs(coarse - fine) / (0.5 * _DENSITY)).max())
-    return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
+    change = float((np.abs(coarse - fine) / _HALF_DENSITY).max())
+    return change, bool(np.abs(fine[1:-1:4] - _ENDS).max() < _NEARLY)
 
 
 def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:

@@ -258,8 +258,9 @@ class PanelCdf:
     def _place(self, t: Array) -> tuple[Index, Array]:
         """Panel of each threshold, and the place in it from 0 to 1."""
         low, width = self.axis.low, self.axis.width
-        at = np.minimum(np.searchsorted(low + width, t), low.size - 1)
-        return at, np.clip((t - low[at]) / np.maximum(width[at], _NARROWEST), 0.0, 1.0)
+        at = np.minimum((low + width).searchsorted(t), low.size - 1)
+        share = (t - low[at]) / np.maximum(width[at], _NARROWEST)
+        return at, np.minimum(np.maximum(share, 0.0), 1.0)
 
 
 def quantiles(

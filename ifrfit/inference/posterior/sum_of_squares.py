@@ -153,6 +153,8 @@ class SumOfSquares:
         return self.coefficients.b0 + self.coefficients.b1 * c
 
     def _tangential(self, at: Index, linear: tuple[Array, Array]) -> list[PrefixSums]:
+        if not at.size:
+            return []
         by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
         return [self._summed(rows, scale, linear) for scale, rows in by_scale.items() if rows.size]
 
