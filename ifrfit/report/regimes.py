@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-_REGIMES = ("sticking", "sliding")
+REGIMES = ("sticking", "sliding")
 _MOST_LINES = 8  # series that have one each
 # share of the axis that a word takes: across, upright, in the small type of a strip
 ACROSS, UPRIGHT, IN_STRIP = 0.17, 0.035, 0.13
@@ -31,13 +31,13 @@ Key = tuple[tuple[float, float, float], ...] | str
 def regime_name(result: FitResult, regime: str) -> str:
     """What a regime, "sticking" or "sliding", is called under the result's closure."""
     closure = CLOSURES.get(result.closure)
-    return regime if closure is None else closure.regimes[_REGIMES.index(regime)]
+    return regime if closure is None else closure.regimes[REGIMES.index(regime)]
 
 
 def does(result: FitResult, regime: str, *, one: bool = False) -> str:
     """What impacts of a regime do, in words; what one does."""
     name = regime_name(result, regime)
-    if name not in _REGIMES:
+    if name not in REGIMES:
         return f"in {name}"
     return {"sticking": "stick", "sliding": "slide"}[regime] + ("s" if one else "")
 

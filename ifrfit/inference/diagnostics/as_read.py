@@ -46,11 +46,6 @@ class Readings:
         return float((special.ndtr(z[0]) - special.ndtr(z[1])).sum())
 
 
-def speeds(problem: Problem) -> Array:
-    """Incoming speed of each row, NaN where it is not given."""
-    return problem.observations.table["speed_m_s"].to_numpy(dtype=float)
-
-
 def without_last_bits(value: Array) -> Array:
     """Numbers without the rounding of products, by which equal ones differ."""
     largest = float(np.abs(value).max(initial=0.0))
@@ -63,7 +58,7 @@ def as_read(problem: Problem, found: LeastSquaresFit) -> Iterator[Readings]:
     These have no steps of their own decimals, a spin was multiplied by the radius: the smallest difference of
     two of them is taken, which is no smaller than their step.
     """
-    fitted, value, speed = problem.predict(found.optimum.theta), problem.rows.value, speeds(problem)
+    fitted, value, speed = problem.predict(found.optimum.theta), problem.rows.value, problem.speeds
     for name in problem.rows.names:
         own = problem.rows.rows_of(name)
         step = resolution(value[own])

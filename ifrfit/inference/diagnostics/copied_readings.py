@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.as_read import as_read, speeds
+from ifrfit.inference.diagnostics.as_read import as_read
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, FEWEST_ALIKE, REFUTED
 from ifrfit.inference.model.noise import resolution
@@ -125,7 +125,7 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """
     rows, i = problem.rows, problem.rows.incidence
     chance = _chance_to_agree(problem, found.sigma)
-    speed = np.nan_to_num(speeds(problem), nan=-1.0)
+    speed = np.nan_to_num(problem.speeds, nan=-1.0)
     key = _numbered(rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed)
     order = np.lexsort((key, rows.impacts))
     count = np.bincount(rows.impacts)[rows.impacts[order]]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.as_read import as_read, speeds, without_last_bits
+from ifrfit.inference.diagnostics.as_read import as_read, without_last_bits
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -67,7 +67,7 @@ def censoring(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
 def _end_of_speeds(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Impacts of the largest speed before where readings scatter more than in the others."""
-    rows, speed = problem.rows, speeds(problem)
+    rows, speed = problem.rows, problem.speeds
     residual = (rows.value - problem.predict(found.optimum.theta)) / found.sigma
     parts = {
         "speed": speed,

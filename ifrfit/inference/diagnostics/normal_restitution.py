@@ -114,7 +114,7 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit, *, advise: bool
 
 def hides_speeds(problem: Problem) -> bool:
     """Whether e_n is read at speeds that no column holds."""
-    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    speed = problem.speeds
     return bool(problem.rows.of_kind("normal").any()) and not bool((speed > 0.0).any())
 
 

@@ -72,6 +72,11 @@ class Problem:
         return self.parameters.series
 
     @property
+    def speeds(self) -> Array:
+        """Incoming speed of each row, m/s; nan where a row states none."""
+        return self.observations.table["speed_m_s"].to_numpy(dtype=float)
+
+    @property
     def has_oblique(self) -> bool:
         """Whether any row knows the closure: one that measures neither e_n nor mu alone."""
         return self.rows.has_kind(*OBLIQUE)

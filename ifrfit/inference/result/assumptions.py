@@ -107,7 +107,7 @@ def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
 
 def _drift_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     """That neither the wall nor the tracking moves, where a little along the wall or across it matters."""
-    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    speed = problem.speeds
     if not set(_COMPONENTS) & set(problem.rows.names) or not (speed > 0.0).all():
         return ""
     theta, found = fit.optimum.theta, []

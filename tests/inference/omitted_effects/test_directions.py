@@ -11,7 +11,6 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import (
     computed,
     directions,
     impacts_of,
-    speeds,
 )
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
@@ -36,7 +35,7 @@ def by_name(problem, theta, **choices):
 
 
 def effect(problem, theta, contact, name, radius=RADIUS):
-    impacts = impacts_of(problem, theta, speeds(problem), np.full(problem.noise.sigma.size, radius))
+    impacts = impacts_of(problem, theta, problem.speeds, np.full(problem.noise.sigma.size, radius))
     return computed(problem, contact, impacts, (name,)) - computed(problem, contact, impacts, ())
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import (
     computed,
     impacts_of,
-    speeds,
 )
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
@@ -66,7 +65,7 @@ class _Scene:
 
     def __init__(self, problem: Problem, fit: LeastSquaresFit, setting: Setting) -> None:
         self.problem, self.fit, self.setting = problem, fit, setting
-        self.stated = speeds(problem)
+        self.stated = problem.speeds
         self.own = orthonormal(problem.jacobian(fit.optimum.theta) / fit.sigma[:, None])
 
     def line(self, name: str, effect: Effect) -> EffectLine:

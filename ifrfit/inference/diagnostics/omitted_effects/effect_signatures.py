@@ -78,12 +78,6 @@ def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str
     return out
 
 
-def speeds(problem: Problem, otherwise: float = np.nan) -> Array:
-    """Incoming speed of each row, m/s; `otherwise` where a row states none."""
-    stated = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
-    return np.where(np.isfinite(stated), stated, otherwise)
-
-
 def dissipating(e_n: float) -> LawOfSpeed:
     """Viscoelastic e_n by V/V_0, through e_n at 1."""
     x = _inverse(after_dissipation, np.geomspace(1e4, 1e-8, _PLACES), e_n)
@@ -197,7 +191,8 @@ def directions(
         Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
     """
     yield from _tangential(problem, theta, jacobian, sigma, chi)
-    yield from _of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), e_n_known)
+    of_rows = np.where(np.isfinite(problem.speeds), problem.speeds, speed)
+    yield from _of_speed(problem, theta, jacobian, sigma, of_rows, e_n_known)
     yield from _rolling(problem, theta)
     yield from _inertia(problem, theta)
 

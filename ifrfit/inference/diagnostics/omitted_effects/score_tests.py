@@ -347,7 +347,7 @@ def _where(problem: Problem, one: Score) -> list[str]:
         gamma = table["gamma_deg"].to_numpy(dtype=float)
         return [f"at impacts up to {_end(gamma, one.weight):.3g} degrees"]
     if one.direction.name == "adhesion":
-        speed = table["speed_m_s"].to_numpy(dtype=float)
+        speed = problem.speeds
         return [f"at impacts up to {_end(speed, one.weight):.3g} m/s"] if np.isfinite(speed).any() else []
     if one.direction.name == "rolling":
         share = [one.weight[problem.rows.rows_of(name)].sum() for name in problem.rows.names]

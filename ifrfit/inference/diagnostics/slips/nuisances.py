@@ -305,7 +305,7 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
     """Velocities as they were above a floor: by metres, or by 2 g h/u^2 where a speed is not stated."""
     if not problem.rows.of_kind("normal", "curved").any():
         return
-    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    speed = problem.speeds
     known = bool((speed > 0.0).all())
     unit = 2.0 * GRAVITY / speed**2 if known else np.ones(speed.size)
     kind, most, usual = _HEIGHT if known else _FALL
@@ -324,7 +324,7 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
 
 def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
     """Velocities whose zero is off: the wall moves, the tracking drifts, gravity acts between readings."""
-    speed = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    speed = problem.speeds
     if not (speed > 0.0).all() or float(speed.max()) < _RANGE * float(speed.min()):
         return
 

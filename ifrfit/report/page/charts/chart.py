@@ -336,7 +336,7 @@ def lines_panel(
 def symbol(name: str, longest: int = 24) -> str:
     """A constant as axes write it; its series in brackets as it is, cut where it is longer than `longest`."""
     kind, series = split_name(name)
-    shown = (_SYMBOLS | constant_symbols()).get(kind, plain(kind))
+    shown = (_SYMBOLS | constant_symbols()).get(kind, plain(kind.replace("_", " ")))
     return shown + (plain(f" [{shortened(series, longest)}]") if series else "")
 
 

@@ -10,10 +10,9 @@ from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import stand_in_words
-from ifrfit.report.regimes import regime_lines
+from ifrfit.report.regimes import REGIMES, regime_lines, regime_name
 from ifrfit.text import joined
 
-REGIMES = " Shaded: sticking; grey bar: where sticking turns into sliding."
 NO_POINTS = "The result holds no points (it keeps at most 100,000 rows), so there is nothing to draw."
 
 
@@ -27,11 +26,13 @@ def build(given: ReportInput) -> Sequence[Block]:
     described = f"{stand_in}{len(result.points)} rows of {observables} with the fitted curve. " + " ".join(
         f"{line}." for line in regime_lines(result, "±")
     )
+    stick, slide = (regime_name(result, regime) for regime in REGIMES)
+    shades = f" Shaded: {stick}; grey bar: where {stick} turns into {slide}."
     blocks: list[Block] = [
         Pictures(
             (Picture("fit", f"Fit to {observables}", described, given.figure or plot(result)),),
             f"{stand_in}Data, the fitted curve with its 68 and 95 % bands at the median spin of each series, "
-            f"and standardised residuals.{REGIMES if result.points['gamma_deg'].notna().any() else ''}",
+            f"and standardised residuals.{shades if result.points['gamma_deg'].notna().any() else ''}",
         )
     ]
     reason = reason_without_panel(result)

@@ -19,6 +19,7 @@ from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, T
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import kinds_of, left_out, provenance_words, stand_in_words
+from ifrfit.report.regimes import REGIMES, regime_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,13 +100,14 @@ def _table(result: FitResult) -> Table:
     columns = [shown[name].to_numpy(dtype=float) for name in (*numbers, *FIT_COLUMNS)]
     angled = shown["gamma_deg"].notna().to_numpy()
     sticks = shown["sticking"].map(bool).to_numpy(dtype=bool)
+    regimes = [regime_name(result, regime) for regime in REGIMES]
     rows = tuple(
         (
             str(number),
             str(series),
             str(observable),
             *(_number(column[i]) for column in columns),
-            ("sticking" if sticks[i] else "sliding") if angled[i] else "",
+            regimes[int(not sticks[i])] if angled[i] else "",
         )
         for i, (number, series, observable) in enumerate(
             zip(shown["row"], shown["series"], shown["observable"], strict=True)

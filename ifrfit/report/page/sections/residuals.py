@@ -16,6 +16,7 @@ from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.panels import RESIDUAL_SIZE, is_outlier, look_of, residual_limits, sticks
 from ifrfit.report.provenance import stand_in_words
+from ifrfit.report.regimes import REGIMES, regime_name
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 Array = NDArray[np.float64]
@@ -65,10 +66,11 @@ def build(given: ReportInput) -> Sequence[Block] | None:
             draw_quantiles(result, styles),
         ),
     ]
+    stick, slide = (regime_name(result, regime) for regime in REGIMES)
     caption = (
         f"{stand_in_words(result)}Standardised residuals at the optimum: each over its own standard "
         "deviation, which where the noise comes from the misfit does not rest on the row itself. Open: "
-        "sticking; filled: sliding; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
+        f"{stick}; filled: {slide}; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
         f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
     return (Pictures(tuple(pictures), caption),)
