@@ -107,7 +107,7 @@ class Rows:
         for name, observable in zip(self.names, self.observables, strict=True):
             at = self.rows_of(name)
             if at.size:  # some rows of a table keep the names of all
-                own = self.incidence if at.size == len(self) else self.incidence.take(_span(at))
+                own = self.incidence if at.size == len(self) else self.incidence.take(as_slice(at))
                 found.append((observable, at, own))
         return tuple(found)
 
@@ -192,7 +192,7 @@ class Rows:
         return self._at(rows)
 
     def _at(self, rows: Index | slice) -> Rows:
-        rows = rows if isinstance(rows, slice) else _span(rows)
+        rows = rows if isinstance(rows, slice) else as_slice(rows)
         incidence = self.incidence.map(lambda part: part[..., rows])
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
 
@@ -227,7 +227,7 @@ class Rows:
 _BY_ROW = tuple(f.name for f in fields(Rows) if f.name not in ("incidence", "names"))  # one number a row
 
 
-def _span(rows: Index) -> Index | slice:
+def as_slice(rows: Index) -> Index | slice:
     """The same rows as a slice, of which no copy is taken, where they are evenly spaced."""
     if rows.size < 2:
         return rows

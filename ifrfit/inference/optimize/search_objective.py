@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array, Index, as_slice
 from ifrfit.physics.impulse_laws import Law
 
 Bool = NDArray[np.bool_]
@@ -148,6 +148,11 @@ class SearchObjective:
         return theta
 
     @cached_property
+    def _spans(self) -> list[Index | slice]:
+        """Rows of each group; as slices, of which no copies are taken, where they are evenly spaced."""
+        return [as_slice(rows) for rows in self.groups]
+
+    @cached_property
     def _is_known(self) -> Bool:
         known = np.ones(self.base.size, dtype=bool)
         for rows in self.groups:
@@ -163,7 +168,7 @@ class SearchObjective:
         """Sum of squares of each group, (m, groups)."""
         if not self.groups:
             return np.zeros((len(z), 0))
-        found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self.groups], axis=1)
+        found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self._spans], axis=1)
         return np.asarray(np.maximum(found, self._least))
 
     def of_known(self, theta: Array, z: Array) -> Array:
@@ -219,25 +224,27 @@ class SearchObjective:
 
     def derivatives(self, theta: Array, z: Array, dof: Array, x: Array) -> tuple[Array, Array, Array]:
         """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each; eq. (2)."""
-        slopes = self._through_mu(self.slopes(theta), theta, x)
-        weight = np.ones(z.shape)
-        squares = self.squares(z)
-        for number, rows in enumerate(self.groups):
-            weight[:, rows] = (dof[:, number] / squares[:, number])[:, None]
-        gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]
-        scaled = slopes * np.sqrt(weight)[..., None]
-        hessian = 2.0 * scaled.transpose(0, 2, 1) @ scaled
+        slopes = self._through_mu(self.slopes(theta), theta, x).transpose(2, 0, 1)
+        squares, one = self.squares(z), np.ones(len(theta))
+        # sums of squares with their slopes, (q, m, n), and weights
+        terms = [
+            (slopes[..., rows], z[:, rows], dof[:, number] / squares[:, number])
+            for number, rows in enumerate(self._spans)
+        ]
+        if self._is_known.any():
+            terms.append((slopes[..., self._is_known], z[:, self._is_known], one))
         place, _, sd = self.problem.parameters.priors
         if place.size:
-            rows_of_prior = np.zeros((len(theta), place.size, theta.shape[1]))
-            rows_of_prior[:, np.arange(place.size), place] = 1.0 / sd
-            rows_of_prior = self._through_mu(rows_of_prior, theta, x)
-            off = self.prior_residuals(theta)
-            gradient += 2.0 * (rows_of_prior.transpose(0, 2, 1) @ off[..., None])[..., 0]
-            hessian += 2.0 * rows_of_prior.transpose(0, 2, 1) @ rows_of_prior
-        whole = hessian.copy()
-        for number, rows in enumerate(self.groups):
-            pull = (slopes[:, rows].transpose(0, 2, 1) @ z[:, rows, None])[..., 0]
-            pull *= (2.0 * np.sqrt(dof[:, number]) / squares[:, number])[:, None]
-            whole -= pull[:, :, None] * pull[:, None, :]
-        return gradient, hessian, whole
+            of_priors = np.zeros((len(theta), place.size, theta.shape[1]))
+            of_priors[:, np.arange(place.size), place] = -1.0 / sd
+            of_priors = self._through_mu(of_priors, theta, x).transpose(2, 0, 1)
+            terms.append((of_priors, self.prior_residuals(theta), one))
+        q = len(slopes)
+        gradient, hessian, of_logarithms = np.zeros((len(theta), q)), *np.zeros((2, len(theta), q, q))
+        for number, (own, off, weight) in enumerate(terms):
+            pull = 2.0 * weight[:, None] * np.einsum("qmn,mn->mq", own, off)
+            gradient -= pull
+            hessian += 2.0 * weight[:, None, None] * np.einsum("qmn,rmn->mqr", own, own)
+            if number < len(self.groups):
+                of_logarithms += pull[:, :, None] * pull[:, None, :] / dof[:, number, None, None]
+        return gradient, hessian, hessian - of_logarithms
