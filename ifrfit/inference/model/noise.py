@@ -210,10 +210,11 @@ def _by_observable(measured: Mapping[str, Index]) -> Mapping[str, Index]:
 
 def resolution(value: Array) -> float:
     """The last decimal that any value is written with."""
-    steps = 10.0 ** -np.arange(_DECIMALS)
-    in_steps = value / steps[:, None]
-    written = (np.abs(in_steps - np.round(in_steps)) < 1e-7).all(axis=1)
-    return float(steps[np.argmax(written)]) if written.any() else float(10.0**-_DECIMALS)
+    for step in 10.0 ** -np.arange(_DECIMALS):  # one at a time: there may be many values
+        in_steps = value / step
+        if (np.abs(in_steps - np.round(in_steps)) < 1e-7).all():
+            return float(step)
+    return float(10.0**-_DECIMALS)
 
 
 def normalised(value: Array) -> bool:
