@@ -20,7 +20,8 @@ from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.model.rows import Array
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
@@ -88,9 +89,11 @@ def scatter_too_large(
         return None
     squares, own_dof = np.sum([each[name] for name in wide], axis=0).tolist()
     factor = math.sqrt(squares / own_dof)
-    scattered = problem.with_noise(_noise_of_scatter(problem, wide, factor, of_all=of_all, level=is_level))
+    places = [problem.rows.names.index(name) for name in wide]
+    times = np.where(np.isin(problem.rows.which, places), factor, 1.0)
+    scattered = problem.with_noise(_noise_of_scatter(problem, times, of_all=of_all, level=is_level))
     try:
-        again = least_squares(scattered, proven=False)
+        again = refit(scattered, fit.sigma * times)
     except DataError:  # too few rows to tell their noise
         return None
     left = residuals_of(scattered, again)
@@ -124,16 +127,11 @@ def scatter_too_large(
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)
 
 
-def _noise_of_scatter(
-    problem: Problem, wide: list[str], factor: float, *, of_all: bool, level: bool
-) -> NoiseModel:
-    """The noise with its size from the scatter; beside rows without a sigma that of `wide` times a factor."""
+def _noise_of_scatter(problem: Problem, times: Array, *, of_all: bool, level: bool) -> NoiseModel:
+    """The noise with its size from the scatter; beside rows without a sigma the given one times a factor."""
     noise = problem.noise
     if level or noise.is_known:
         return replace(noise, policy="scaled" if of_all and not level else "unknown")
-    times = np.where(
-        np.isin(problem.rows.which, [problem.rows.names.index(name) for name in wide]), factor, 1.0
-    )
     return replace(noise, sigma=noise.sigma * times)
 
 

@@ -26,7 +26,7 @@ _DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
 _POLISHES = 20
 _CREEPING = 3e-4, 8  # fall of a damped step, and of how many, after which a search is given up
 _MERGED_EVERY, _MERGED = 8, 1e-4  # steps after which searches are merged that are so near, of the range
-_NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
+_NOTHING = 3e-18  # fall of the objective that leaves theta in doubt by 2e-9 of its sd, as rounding does
 
 
 class Found(NamedTuple):

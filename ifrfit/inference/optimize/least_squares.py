@@ -35,6 +35,7 @@ from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
+_REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
@@ -157,6 +158,8 @@ def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSqu
 def refit(problem: Problem, sigma: Array, start: Array | None = None) -> LeastSquaresFit:
     """Fit a problem that differs little from one whose fit is known, without a proof over unknown noises.
 
+    The noises come to rest to a millionth.
+
     Parameters
     ----------
     problem : Problem
@@ -230,7 +233,7 @@ def _with_plain_errors(
     modes = None if known_sigma is not None else noise_modes(problem, start, proven=proven)
     first = np.asarray(known_sigma) if modes is None else likely_sigma(problem, modes.best.theta)
     factor = first / base
-    change = math.inf
+    change, settled = math.inf, _CONVERGED if known_sigma is None else _REFITTED
     before: Array | None = None
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
@@ -243,7 +246,7 @@ def _with_plain_errors(
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         step = np.log(new / factor)
         change = float(np.abs(np.expm1(step)).max())
-        if change <= _CONVERGED:
+        if change <= settled:
             break
         factor = new
         near = optimum.theta
@@ -255,7 +258,7 @@ def _with_plain_errors(
     is_provisional = optimum.is_local and modes is not None
     if is_provisional:
         optimum = solve(problem, sigma, start)
-    if is_provisional or change > _CONVERGED:
+    if is_provisional or change > settled:
         gaussian = expanded(sigma, optimum.theta)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     rivals: tuple[tuple[float, Array], ...] = ()

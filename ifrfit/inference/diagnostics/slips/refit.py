@@ -28,6 +28,7 @@ _CURVED_GRID = (0.3, 0.6, 0.9)
 _PLACES = 4  # of the closure's own constant
 _STEPS = 12
 _HALVINGS = 5
+_TRUSTED = 0.5  # share of the promised fall with which a whole step is taken
 _AT_ONCE = 1_000_000  # values that are computed together
 _AT_REST = 1e-3  # fall of minus twice the log likelihood below which the search ends
 _DIFFERENCE = 1e-7
@@ -165,20 +166,29 @@ def search(
     """
     lower, upper = bounds
     x = np.clip(start, lower, upper)
-    residual = value - np.nan_to_num(values(x[None]))[0]
+    slopes, residual = _linearised(values, value, x, bounds)
     now = float(misfit.likelihood(residual))
     for left_over in range(_STEPS, 0, -1):
-        change = _step(values, misfit, value, x, residual, bounds)
-        tried = np.clip(x + 0.5 ** np.arange(_HALVINGS)[:, None] * change, lower, upper)
-        best = (math.inf, x, residual)
-        for part in in_parts(tried, value.size):
-            left = value - np.nan_to_num(values(part))
-            far = misfit.likelihood(left)
-            nearest = int(np.argmin(far))
-            best = min(best, (float(far[nearest]), part[nearest], left[nearest]), key=lambda each: each[0])
+        change = _step(misfit, x, slopes, residual, bounds)
+        promised = now - float(misfit.likelihood(residual - change @ slopes))
+        if not promised > _AT_REST:
+            break
+        # the whole step is taken with the slopes at its end, and only where it fails, parts of it are tried
+        whole = np.clip(x + change, lower, upper)
+        slopes, left = _linearised(values, value, whole, bounds)
+        best = float(misfit.likelihood(left)), whole, left
+        if not now - best[0] >= _TRUSTED * promised:
+            tried = np.clip(x + 0.5 ** np.arange(1, _HALVINGS)[:, None] * change, lower, upper)
+            for part in in_parts(tried, value.size):
+                left = value - np.nan_to_num(values(part))
+                nearest = int(np.argmin(far := misfit.likelihood(left)))
+                if far[nearest] < best[0]:
+                    best = float(far[nearest]), part[nearest], left[nearest]
         fall = now - best[0]
         if not fall > _AT_REST:
             break
+        if best[1] is not whole:
+            slopes, _ = _linearised(values, value, best[1], bounds)
         now, x, residual = best
         # too far away to be reached at this pace
         if left_over <= _STEPS - _PATIENCE + 1 and now - left_over * fall >= target:
@@ -191,18 +201,22 @@ def refitted(problem: Problem, misfit: Misfit, theta: Array) -> tuple[Array, Arr
     return search(problem.predict, misfit, problem.rows.value, theta, problem.parameters.bounds())
 
 
-def _step(
-    values: Values, misfit: Misfit, value: Array, x: Array, residual: Array, bounds: tuple[Array, Array]
-) -> Array:
+def _linearised(values: Values, value: Array, x: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Slopes of the values by each parameter, (q, n), and residuals, (n,), at x."""
+    step = _DIFFERENCE * np.where(x + _DIFFERENCE > bounds[1], -1.0, 1.0)
+    parts = in_parts(np.concatenate((x[None], x + np.diag(step))), value.size)
+    at_x, *slopes = np.concatenate([np.nan_to_num(values(part), copy=False) for part in parts])
+    for one, length in zip(slopes, step.tolist(), strict=True):
+        one -= at_x
+        one /= length
+    return np.array(slopes), value - at_x
+
+
+def _step(misfit: Misfit, x: Array, slopes: Array, residual: Array, bounds: tuple[Array, Array]) -> Array:
     """Gauss-Newton step, (q,), along what is not held by a bound."""
     lower, upper = bounds
-    step = _DIFFERENCE * np.where(x + _DIFFERENCE > upper, -1.0, 1.0)
-    parts = in_parts(x + np.diag(step), value.size)
-    scaled = np.concatenate([np.nan_to_num(values(part), copy=False) for part in parts])
-    scaled -= value - residual
     sigma = misfit.sigma(residual)
-    for one, length in zip(scaled, step.tolist(), strict=True):
-        one /= length * sigma
+    scaled = slopes / sigma
     z = residual / sigma
     gradient = scaled @ z
     # a constant that lies on its bound but for rounding would take the step from those that can move
