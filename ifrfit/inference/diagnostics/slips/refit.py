@@ -204,12 +204,14 @@ def refitted(problem: Problem, misfit: Misfit, theta: Array) -> tuple[Array, Arr
 def _linearised(values: Values, value: Array, x: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
     """Slopes of the values by each parameter, (q, n), and residuals, (n,), at x."""
     step = _DIFFERENCE * np.where(x + _DIFFERENCE > bounds[1], -1.0, 1.0)
-    parts = in_parts(np.concatenate((x[None], x + np.diag(step))), value.size)
-    at_x, *slopes = np.concatenate([np.nan_to_num(values(part), copy=False) for part in parts])
-    for one, length in zip(slopes, step.tolist(), strict=True):
-        one -= at_x
-        one /= length
-    return np.array(slopes), value - at_x
+    found, done = np.empty((x.size + 1, value.size)), 0
+    for part in in_parts(np.concatenate((x[None], x + np.diag(step))), value.size):
+        found[done : done + len(part)] = values(part)
+        done += len(part)
+    at_x, slopes = np.split(np.nan_to_num(found, copy=False), [1])
+    slopes -= at_x
+    slopes /= step[:, None]
+    return slopes, value - at_x[0]
 
 
 def _step(misfit: Misfit, x: Array, slopes: Array, residual: Array, bounds: tuple[Array, Array]) -> Array:
