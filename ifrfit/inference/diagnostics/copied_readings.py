@@ -149,7 +149,7 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         )
         equal = np.bincount(alike)
         pairs += int((equal * (equal - 1) // 2).sum())
-        again = np.setdiff1d(np.arange(len(own)), once)
+        again = np.delete(np.arange(len(own)), once)
         copies += zip(own[once[alike[again]], 0].tolist(), own[again, 0].tolist(), strict=True)
     p = float(special.gammainc(pairs, expected)) if pairs and expected > 0.0 else 1.0
     if p >= REFUTED:

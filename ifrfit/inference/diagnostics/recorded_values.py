@@ -268,10 +268,14 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
 
 def _noises(problem: Problem, own: Index) -> tuple[Index, ...]:
     """Rows of each noise that is taken from them: of those that are looked at, and what is unknown else."""
-    unknown = tuple(problem.noise_groups().values())
-    parts = [np.setdiff1d(own, np.concatenate([_NO_ROWS, *unknown]))]
-    for rows in unknown:
-        parts += [np.intersect1d(own, rows), np.setdiff1d(rows, own)]
+    looked_at = np.zeros(len(problem.rows), dtype=bool)
+    looked_at[own] = True
+    known = np.ones_like(looked_at)
+    parts = []
+    for rows in problem.noise_groups().values():
+        known[rows] = False
+        parts += [rows[looked_at[rows]], rows[~looked_at[rows]]]
+    parts.insert(0, own[known[own]])
     return tuple(rows for rows in parts if rows.size >= _FEWEST_OF_NOISE)
 
 

@@ -90,7 +90,7 @@ def _would_show(problem: Problem, rows: Index, own: Array, scatter: float) -> bo
 
     That is the law of the constants that the other observables tell; where these do not, it is taken to be.
     """
-    others = np.setdiff1d(np.arange(len(problem.rows)), rows)
+    others = np.delete(np.arange(len(problem.rows)), rows)
     try:
         again = least_squares(problem.with_rows(others), proven=False) if others.size else None
     except DataError:  # too few rows to tell their noise

@@ -73,7 +73,7 @@ class Misfit:
     @cached_property
     def known(self) -> Index:
         """Rows of no group."""
-        return np.setdiff1d(np.arange(self.base.size), np.concatenate([np.empty(0, int), *self.groups]))
+        return np.delete(np.arange(self.base.size), np.concatenate([np.empty(0, int), *self.groups]))
 
     def without(self, row: int) -> Misfit:
         """The same when one row counts for nothing."""

@@ -243,7 +243,7 @@ def _far_from_rest(
     """Rows of one number that lie far from a fit without them, the largest p value of these, and chi2."""
     rows = problem.rows
     own = rows.rows_of(name)
-    kept = np.setdiff1d(np.arange(len(rows)), at)
+    kept = np.delete(np.arange(len(rows)), at)
     part = problem.with_rows(kept)
     misfit = Misfit.of(part)
     start = best_start(
