@@ -24,7 +24,7 @@ _MORE = 2.0  # times as many as of any other number
 
 
 def repeated_number(problem: Problem, found: LeastSquaresFit) -> Fact | None:
-    """Find one number in the place of readings: of the rebound in every row, or a mean in gaps.
+    """Find one number in the place of readings: of the rebound in every row, a mean in gaps or a last line.
 
     Returns
     -------
@@ -46,9 +46,15 @@ def repeated_number(problem: Problem, found: LeastSquaresFit) -> Fact | None:
             f"{'; '.join(says for *_, says in filled)}: the mean that fills a gap is no reading, and moves "
             "the constants and shortens their intervals. Leave these cells empty"
         )
+    summaries = list(_summary_rows(problem))
+    if summaries:
+        says.append(
+            f"{'; '.join(says for *_, says in summaries)}: a line under the table that holds the mean of its "
+            "columns is no impact. Leave it out, --exclude LINE"
+        )
     if not says:
         return None
-    every = [*copied, *filled]
+    every = [*copied, *filled, *summaries]
     figures = {"observables": sorted({name for name, *_ in every}), "rows": every[0][1]}
     return Fact(False, "; ".join(says), figures, FACTS["repeated_number"])
 
@@ -102,6 +108,40 @@ def _filled_in(problem: Problem, found: LeastSquaresFit) -> Iterator[tuple[str, 
                     f"all others (lines {_lines(problem, rows.tolist())}; p = {p_text(p)} by noise)"
                 )
                 yield readings.observable, count, says
+
+
+def _summary_rows(problem: Problem) -> Iterator[tuple[str, int, str]]:
+    """Observable, readings, and words of a last line of a table or series that is the mean of those above.
+
+    Angle, values and speed are to be those means, as far as their decimals go; that noise makes them so has
+    the probability of as many steps of the last decimal, in sd, about the mean of a normal distribution.
+    """
+    import pandas as pd
+
+    rows, table = problem.rows, problem.observations.table
+    (source, _), line = pd.factorize(table["source"]), table["row"].to_numpy()
+    numbers = {"gamma_deg": rows.gamma_deg, "value": rows.value, "speed": problem.speeds}
+    parts = [source == number for number in range(source.max(initial=0) + 1)]
+    if len(problem.series) > 1:
+        parts += [part & (rows.series == number) for part in parts for number in range(len(problem.series))]
+    for part in parts:
+        last = part & (line == line[part].max(initial=0))
+        p = float(len(parts))
+        for place in np.flatnonzero(last).tolist():
+            above = part & ~last & (rows.which == rows.which[place])
+            if np.count_nonzero(above) < FEWEST_ALIKE:
+                p = 1.0
+            for each in numbers.values():
+                others, sd = each[above], float(np.std(each[above]))
+                if np.isfinite(others).all() and sd > 0.0:
+                    step = resolution(each[above | last])
+                    is_mean = abs(float(others.mean() - each[place])) <= 0.51 * step
+                    p *= min(step / (sd * math.sqrt(2.0 * math.pi)), 1.0) if is_mean else math.inf
+        if p < REFUTED:
+            place = int(np.flatnonzero(last)[0])
+            count, name = np.unique(line[part]).size - 1, exclude_name(problem, place)
+            says = f"line {name} is the mean of the {count} lines above it (p = {p_text(p)} by chance)"
+            yield rows.names[rows.which[place]], int(last.sum()), says
 
 
 def _lines(problem: Problem, rows: list[int]) -> str:

@@ -168,7 +168,8 @@ FACTS = {
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal; or three readings or more of any observable, twice "
     f"as many as of any other number, are the mean of all others (p < {REFUTED:g} by rounding and noise, "
-    "Poisson, three times the number of looks)",
+    "Poisson, three times the number of looks); or angle, values and speed of the last line of a table or "
+    f"series are the means of those above it, to their last decimal (p < {REFUTED:g} by chance)",
     "outliers": "studentised residuals, or those from the fit without the row, within the Bonferroni limit "
     f"at {100 * REFUTED:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",

@@ -165,6 +165,22 @@ def test_gaps_filled_with_the_mean_are_named(tmp_path, name, decimals):
     assert "the mean of all others" in fact.says
 
 
+@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize("decimals", [2, 3, 5])
+def test_a_last_line_of_means_is_named(tmp_path, decimals, several):
+    table = _readings(3, n=24)
+    if several:
+        table["series"] = np.repeat(["A", "B"], 12)
+    last = table.tail(12) if several else table
+    means = {name: last[name].mean() for name in ("gamma_deg", "beta", "e_n")}
+    whole = pd.concat([table, pd.DataFrame([{**table.iloc[-1], **means}])], ignore_index=True)
+    path = table_file(tmp_path / "t.csv", whole, f"%.{decimals}f")
+    says = fit(path, method="lsq").facts["repeated_number"].says
+    assert f"line 26 is the mean of the {12 if several else 24} lines above it" in says
+    assert "Leave it out" in says
+    assert "repeated_number" not in fit(path, method="lsq", exclude=[26]).facts
+
+
 @pytest.mark.parametrize("decimals", [2, 3, 4])
 @pytest.mark.parametrize("seeds", [5, pytest.param(200, marks=pytest.mark.long)])
 def test_readings_near_their_mean_are_no_filled_gaps(tmp_path, decimals, seeds):
