@@ -130,7 +130,8 @@ def _summary_rows(problem: Problem) -> Iterator[tuple[str, int, str]]:
         for place in np.flatnonzero(last).tolist():
             above = part & ~last & (rows.which == rows.which[place])
             if np.count_nonzero(above) < FEWEST_ALIKE:
-                p = 1.0
+                p = math.inf
+                break
             for each in numbers.values():
                 others, sd = each[above], float(np.std(each[above]))
                 if np.isfinite(others).all() and sd > 0.0:
