@@ -17,7 +17,7 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
     is_decisive,
     offsets_by_series,
 )
-from ifrfit.inference.diagnostics.slips.evidence import explains_little, misfit_left, tried
+from ifrfit.inference.diagnostics.slips.evidence import WORTH_A_TRY, explains_little, misfit_left, tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -120,12 +120,18 @@ def slips_first(
     fitted = _fitted_effects(problem, fit, scores, decisive=decisive)
     found = {name: one.drop for name, one in fitted.items() if one.p < REFUTED}
     named = named_slips(slips, max(found.values(), default=0.0))
-    beside = [] if named else [short_slip_words(problem, one) for one in _as_telling(slips, scores, found)]
+    if named:  # what no test shows may explain as much as what one does
+        found |= _falls_of_others(problem, fit, scores, found)
+    of_all = [slip.rank for slip in named if not slip.series]  # judged at the same noises
+    of_scores = [_least_fall(scores[name], fall) for name, fall in found.items()]
+    like = _look_alikes(slips, max(of_all if named else of_scores, default=math.inf), named)
+    beside = [] if named else [short_slip_words(problem, one) for one in like]
+    named += like if named else []
     if not differ and (again := effects_fact(problem, {**scores, **fitted}, beside)) is not None:
         rest = {"effects": again}
     left = {slip: misfit_left(problem, fit, slip) for slip in named}
     # one that explains all stands before look-alikes, and the zero of an angle before spin that nobody saw
-    named.sort(key=lambda slip: (left[slip] < REFUTED, slip.name in _RARE))
+    named.sort(key=lambda slip: (left[slip] < REFUTED, not is_decisive(slip), slip.name in _RARE))
     figures: dict[str, object] = {
         "called": [_key(slip) for slip in named],
         "tests": {_key(slip): _figures(slip) for slip in slips},
@@ -198,13 +204,27 @@ def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     return [slip for slip in decisive if slip.rank >= top - ALIKE]
 
 
-def _as_telling(slips: Sequence[Slip], scores: Mapping[str, Score], found: Collection[str]) -> list[Slip]:
-    """Slips that no test of so many shows, and that take as much to first order as effects that one shows."""
-    if not found or any(scores[name].p >= REFUTED for name in found):
-        return []
-    top = max(scores[name].drop for name in found)
-    sized = (slip for slip in slips if slip.sd and not slip.is_least and has_likely_size(slip))
-    return [slip for slip in sized if slip.drop >= top - ALIKE]
+def _look_alikes(slips: Sequence[Slip], top: float, named: Collection[Slip]) -> list[Slip]:
+    """Slips that take as much as what a test shows, whether one of so many shows them or not.
+
+    Those that are not `named` already, the most telling first.
+    """
+    fitted = (slip for slip in slips if slip.sd and slip.values is not None and slip not in named)
+    near = (slip for slip in fitted if not slip.is_least and has_likely_size(slip) and not slip.series)
+    return sorted((slip for slip in near if slip.rank >= top - ALIKE), key=lambda slip: -slip.rank)
+
+
+def _least_fall(score: Score, fall: float) -> float:
+    """What an effect takes off -2 log likelihood, fitted or, where a line shows it, to first order."""
+    return min(fall, score.drop) if score.p < REFUTED else fall
+
+
+def _falls_of_others(
+    problem: Problem, fit: LeastSquaresFit, scores: Mapping[str, Score], found: Collection[str]
+) -> dict[str, float]:
+    """Falls of -2 log likelihood of effects that have not been `found`, and that one test might show."""
+    others = [name for name, one in scores.items() if one.p < WORTH_A_TRY and name not in found]
+    return {name: fitted_effect(problem, fit, scores[name], len(scores)).drop for name in others}
 
 
 def _is_of_sticking(problem: Problem, named: Sequence[Slip]) -> bool:

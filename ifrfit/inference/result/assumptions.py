@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.slips.nuisances import Flaw, readings, zero_of_velocities
+from ifrfit.inference.diagnostics.slips.nuisances import GRAVITY, Flaw, readings, zero_of_velocities
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
@@ -41,6 +41,7 @@ _COMPONENTS = ("v_x", "v_y", "v_n")
 _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
 _TILT = 5.0  # degrees by which a camera may look past the plane of motion, as an example
 _DRIFT = 0.01  # m/s by which the wall or the tracking may move, as an example
+_BETWEEN = 0.005  # s between reading and impact, as an example
 _COMPLETE = "no reading left out or picked for its value"
 
 
@@ -77,7 +78,7 @@ def assumed_of(
     every = (
         plane,
         at_wall,
-        _drift_words(problem, fit, moved),
+        *_drift_words(problem, fit, moved),
         elsewhere,
         _scale_words(problem),
         words,
@@ -105,18 +106,32 @@ def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
     )
 
 
-def _drift_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:
-    """That neither the wall nor the tracking moves, where a little along the wall or across it matters."""
-    speed = problem.speeds
-    if not set(_COMPONENTS) & set(problem.rows.names) or not (speed > 0.0).all():
-        return ""
-    theta, found = fit.optimum.theta, []
-    for way in ("along", "across"):
-        off = zero_of_velocities(f"zero-{way}", _DRIFT / speed)
-        most, share = moved(problem.predict(theta) - readings(problem, theta, off))
-        found.append((share, f"wall and tracking at rest ({_DRIFT:g} m/s {way} the wall would move {most})"))
-    share, says = max(found)
-    return says if share > _MATTERS else ""
+def _drift_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> list[str]:
+    """That neither wall nor tracking moves and no time passes at the wall, where a little of it matters.
+
+    Of ratios in a dataset its source tells how they were measured.
+    """
+    speed, sources = problem.speeds, problem.observations.sources
+    said = set(_COMPONENTS) & set(problem.rows.names) or any(one.descriptor is None for one in sources)
+    if not said or not (speed > 0.0).all():
+        return []
+    theta = fit.optimum.theta
+
+    def matter(*zeros: tuple[str, str, float]) -> str:
+        found = []
+        for where, name, size in zeros:
+            off = zero_of_velocities(name, size / speed)
+            most, share = moved(problem.predict(theta) - readings(problem, theta, off))
+            found.append((share, f"{where} would move {most}"))
+        return "; ".join(says for share, says in sorted(found, reverse=True) if share > _MATTERS)
+
+    at_rest = matter(
+        *((f"{_DRIFT:g} m/s {way} the wall", f"zero-{way}", _DRIFT) for way in ("along", "across"))
+    )
+    between = f"gravity for {1000.0 * _BETWEEN:g} ms on either side"
+    at_impact = matter((f"on a floor, {between}", "fall-between", GRAVITY * _BETWEEN))
+    examples = {"wall and tracking at rest": at_rest, "speeds those at impact": at_impact}
+    return [f"{what} ({example})" for what, example in examples.items() if example]
 
 
 def _count_words(problem: Problem) -> str:

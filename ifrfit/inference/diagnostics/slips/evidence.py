@@ -32,7 +32,7 @@ _LIMIT = 0.999  # share of the largest size searched from which a size counts as
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
 _FEWEST_OF_SERIES = 6  # rows of a series in which a slip of its own is looked for
 _OF_SPINS = ("spin-scale", "inertia-factor")
-_WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
+WORTH_A_TRY = 0.05  # p below which other units of spins are tried, and look-alikes of what shows are fitted
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _STEP = 1e-6  # of derivatives by constants and size
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
@@ -47,11 +47,11 @@ def tried(
     """
     whole = ComparedFit.of(problem, fit)
     plain = problem.error_model.is_plain
-    found = _of_size(whole, far=effects or explains_little(whole))
+    found = _of_size(whole, far=effects or explains_little(whole), effects=effects)
     if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
-        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
+        of_spins = any(each.p < WORTH_A_TRY for each in found if each.name in suspects)
         shifted = explains_little(whole)
         found += _unsized(whole, alternatives(problem, other_units=of_spins, shifted=shifted))
         found += missing_values(problem, fit)
@@ -79,8 +79,12 @@ def _sized(whole: ComparedFit) -> Iterator[tuple[Nuisance, Array]]:
     return ((each, each.slope(fit.optimum.theta)) for each in every)
 
 
-def _of_size(whole: ComparedFit, *, far: bool) -> list[Slip]:
-    """Score tests along the derivative by each size; those that matter are fitted, `far` sizes as well."""
+def _of_size(whole: ComparedFit, *, far: bool, effects: bool) -> list[Slip]:
+    """Score tests along the derivative by each size; those that matter are fitted, `far` sizes as well.
+
+    Where one shows, or `effects` do, those that may be its look-alikes are fitted, too: a fall to first order
+    does not compare with that of a fit, whose noises are its own.
+    """
     sigma = whole.fit.sigma
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
     every = ((each, slope / sigma) for each, slope in _sized(whole))
@@ -89,7 +93,9 @@ def _of_size(whole: ComparedFit, *, far: bool) -> list[Slip]:
     for nuisance, score, p in _tested(whole, every, sigma):
         if nuisance.name not in best or score.drop > best[nuisance.name][1].drop:
             best[nuisance.name] = (nuisance, score, p)
-    return [_slip(whole, *each, len(best) if far else 0) for each in best.values()]
+    shows = effects or any(p < REFUTED for _, _, p in best.values())
+    limit = WORTH_A_TRY if shows else REFUTED
+    return [_slip(whole, *each, len(best) if far else 0, limit) for each in best.values()]
 
 
 def _tested(
@@ -111,8 +117,10 @@ def _tested(
     yield from ((*each, p) for each, p in zip(tested, corrected, strict=True))
 
 
-def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float, far: int = 0) -> Slip:
-    """A slip as its score test has it; where that matters, with its size fitted beside the constants.
+def _slip(
+    whole: ComparedFit, nuisance: Nuisance, score: Score, p: float, far: int = 0, limit: float = REFUTED
+) -> Slip:
+    """A slip as its score test has it; where p is below a limit, with its size fitted beside the constants.
 
     Of `far` tests, where that is not 0, those with sizes of their own are fitted from these, too.
     """
@@ -129,16 +137,17 @@ def _slip(whole: ComparedFit, nuisance: Nuisance, score: Score, p: float, far: i
         is_least=not low < score.strength < high,
     )
     beyond = nuisance.far if far else ()
-    if p >= REFUTED and not beyond:
+    if p >= limit and not beyond:
         return slip
     drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond)
     theta, size = x[:-1], float(x[-1])
-    if p >= REFUTED:  # no line shows it
+    if p >= REFUTED and beyond:
         after = whole.problem.rows.value - nuisance.values(theta[None, :], x[-1:])[0]
-        p = whole.p_of(after, far / nuisance.share)
-        if p >= REFUTED:
+        of_fit = whole.p_of(after, far / nuisance.share)
+        if of_fit < REFUTED:  # no line shows it
+            p, slip = of_fit, replace(slip, sd=whole.sd_of(size, drop))
+        elif p >= limit:
             return slip
-        slip = replace(slip, p=p, sd=whole.sd_of(size, drop))
     at = whole.problem.parameters.positions
     return replace(
         slip,
