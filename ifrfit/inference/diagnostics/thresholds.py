@@ -23,6 +23,7 @@ TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
 TIMES_GIVEN = 0.3
 MOST_MISSING = 5.0
+RANGE_OF_SPEEDS = 1.2  # of the largest over the smallest, from which something is asked of them
 FEWEST_ALIKE = 5
 BY_CHANCE = 0.001
 BY_RANK = 0.2

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ifrfit.inference.diagnostics.independence import is_sorted_by_values
+from ifrfit.inference.diagnostics.thresholds import RANGE_OF_SPEEDS
 from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
@@ -34,7 +35,6 @@ _ZEROS = {
 }
 _MOVING = "zero-along"  # which may make sliding of sticking, and no line then
 _PLACES = ("x_before", "z_before", "x_after", "z_after")
-_RANGE = 1.2  # of the largest speed over the smallest, from which a zero of velocities shows
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
 _OF_CONTACT = ("beta", "tan_psi_after")  # its velocity after impact over one before
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
@@ -325,7 +325,7 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
 def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
     """Velocities whose zero is off: the wall moves, the tracking drifts, gravity acts between readings."""
     speed = problem.speeds
-    if not (speed > 0.0).all() or float(speed.max()) < _RANGE * float(speed.min()):
+    if not (speed > 0.0).all() or float(speed.max()) < RANGE_OF_SPEEDS * float(speed.min()):
         return
 
     usually = float(np.median(speed))
