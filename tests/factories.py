@@ -177,3 +177,19 @@ def small_report() -> Any:
     picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
     sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
     return Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
+
+
+def jet(path, seed, *, noise, gamma, speed=3.0):
+    """Velocities before and after, of impacts that were to have one speed, as a camera reads them."""
+    rng = np.random.default_rng(seed)
+    gamma = np.broadcast_to(gamma, 24)
+    after = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.9, mu=0.12)
+    slope = np.radians(gamma)
+    columns = {
+        "u_x_m_s": speed * np.sin(slope),
+        "u_z_m_s": speed * np.cos(slope),
+        "v_x_m_s": speed * after.v_x,
+        "v_z_m_s": -speed * after.v_n,
+    }
+    noisy = {name: values + noise * rng.standard_normal(24) for name, values in columns.items()}
+    return table_file(path, noisy, "%.5g")

@@ -25,6 +25,8 @@ HEADLINES = {
     "lack_of_fit": "the data contradict the closure",
     "pooling": "the series do not share their constants",
     "unequal_noise": "the series do not share their noise",
+    "tiny_friction": "mu is smaller than that of any dry contact",
+    "sigma_of_few": "each sigma looks like a guess from few readings",
     "scatter_too_small": "the data scatter less than their sigma",
     "scatter_too_large": "the data scatter more than their sigma",
     "mixture": "the table looks as if it held impacts of two kinds",

@@ -84,7 +84,8 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit, *, advise: bool
 
     Each look is a test of its own; p values are multiplied by their number (Bonferroni). A trend is a
     parabola in the angle, or in the logarithm of speeds that differ by a fifth, tested against a constant: by
-    F, or by chi2 where sigma is known. `advise` says whether a narrower range is advised, which is none where a slip is found.
+    F, or by chi2 where sigma is known. `advise` says whether a narrower range is advised, which is none where
+    a slip is found.
 
     Returns
     -------

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.thresholds import FACTS, FEW_DOF, PULL, RIVAL
+from ifrfit.inference.diagnostics.thresholds import FACTS, FEW_DOF, PULL, RIVAL, TINY_FRICTION
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import AngleOffset
@@ -26,6 +27,9 @@ NO_INTEGRAL = "the integral of the posterior did not converge"
 _ROOM = 1e-3  # degrees to the end of its domain within which an offset lies on it
 _DISTANCE = 3.0  # sd between modes, in at least one constant, that are no kinks of one hill
 _COVERED, _MANY = (20.0, 70.0), 8  # degrees between which lie all angles, and of how many
+_VELOCITIES = ("v_x", "v_n")
+_UNROUNDED = 1e-6  # last decimal of numbers that are made of others
+_SPREAD = 5.0  # times the scatter of velocities that angles made of them have to differ by
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
 
@@ -114,6 +118,34 @@ def at_bound(constants: Constants) -> Fact:
     return Fact(not parts, says, {"on": on, "near": near}, FACTS["at_bound"])
 
 
+def tiny_friction(problem: Problem, constants: Constants) -> Fact | None:
+    """A mu that no dry contact has: a slip in the units of the angles or velocities that fits as well.
+
+    Tangents for angles, or one unit for all velocities but another for spins, divide every slip ratio by the
+    same number, and mu with it.
+
+    Returns
+    -------
+    Fact or None
+        None unless some mu of readings that are not simulated is surely below `TINY_FRICTION`.
+    """
+    if (problem.observations.table["provenance"] == "simulated").all():
+        return None
+    tiny = {
+        name: each.interval95[1]
+        for name, each in by_entry(constants).items()
+        if quantity_of(name) == "mu" and each.status != "fixed" and each.interval95[1] < TINY_FRICTION
+    }
+    if not tiny:
+        return None
+    says = (
+        f"{joined(list(tiny))} comes out below {max(tiny.values()):.2g}; sliding contacts have 0.01 (ice, or a "
+        "film of oil) to 1.5 (rubber). Are the angles degrees, and no tangents? Are velocities and spins in "
+        "the units that their headers say?"
+    )
+    return Fact(False, says, {"mu": list(tiny)}, FACTS["tiny_friction"])
+
+
 def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Modes of the posterior that lie apart, each with its weight; None where there is one.
 
@@ -188,6 +220,9 @@ def identifiable(
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
+    narrow_angles = _within_errors(problem, fit)
+    if narrow_angles:
+        return Fact(False, narrow_angles, figures, FACTS["identifiable"])
     if slip and (local.rank < n_free or _limits(problem, constants, misfit=misfit)):
         says = "the data do not determine every constant as the table stands: mend the slip in it first"
         return Fact(False, says, figures, FACTS["identifiable"])
@@ -202,6 +237,24 @@ def identifiable(
         return Fact(not limits, says, figures, FACTS["identifiable"])
     advice = _advice(problem, loose, n_sticking, n_sliding, misfit=misfit)
     return Fact(False, advice, figures, FACTS["identifiable"])
+
+
+def _within_errors(problem: Problem, fit: LeastSquaresFit) -> str:
+    """What to say where angles that are made of velocities differ by little more than these scatter."""
+    rows = problem.rows
+    velocities = np.isin(rows.which, [rows.names.index(name) for name in _VELOCITIES if name in rows.names])
+    numbers = (problem.speeds, rows.gamma_deg)
+    if not velocities.any() or not all((x > 0.0).any() and resolution(x) <= _UNROUNDED for x in numbers):
+        return ""
+    spread = float(np.std(rows.gamma_deg[rows.is_oblique]))
+    scatter = math.degrees(float(np.sqrt((fit.sigma[velocities] ** 2).mean())))
+    if spread >= _SPREAD * scatter:
+        return ""
+    return (
+        f"the angles of incidence, made of velocities, differ by {spread:.2g} degrees (sd), and the "
+        f"velocities after impact scatter by {scatter:.2g} degrees: too much of the spread is errors, and "
+        "e_t and mu that rest on it are not to be believed. Vary the angle, or give the angle as it was set"
+    )
 
 
 def _limits(problem: Problem, constants: Constants, *, misfit: bool) -> str:

@@ -27,6 +27,7 @@ from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_read
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
+from ifrfit.inference.diagnostics.sigma_of_few import sigma_of_few
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
 from ifrfit.inference.diagnostics.unrelated_readings import unrelated_readings
@@ -65,6 +66,7 @@ _ORDER = (
     "mixture",
     "growing_scatter",
     "scatter_by_angle",
+    "sigma_of_few",
     "scatter_too_small",
     "scatter_too_large",
     "outliers",
@@ -149,6 +151,7 @@ def misfit_facts(
         so_far.tell("duplicates", duplicates(problem, found))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
+        so_far.tell("sigma_of_few", sigma_of_few(problem))
     # a law that misses something is no reason to doubt the repeats, but for one that goes with the angle
     doubted = _BY_ANGLE.issuperset(so_far.causes)
     if doubted and not so_far.fails("beyond_closure"):

@@ -24,6 +24,9 @@ TIMES_FITTED = 4.0
 TIMES_GIVEN = 0.3
 MOST_MISSING = 5.0
 RANGE_OF_SPEEDS = 1.2  # of the largest over the smallest, from which something is asked of them
+TINY_FRICTION = 0.005  # mu of no dry contact
+ROUGH_SIGMA = 0.4  # scatter of logarithms of sigmas, as of five readings each
+FEWEST_BENDS = 6  # of sigmas, from which that is looked at
 FEWEST_ALIKE = 5
 BY_CHANCE = 0.001
 BY_RANK = 0.2
@@ -61,6 +64,8 @@ FACTS = {
     "freedom, its rows less what the constants take of them",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
+    "tiny_friction": f"stands only where it fails: the 95 % interval of a mu ends below {TINY_FRICTION:g}, and "
+    "the readings are not simulated",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
     f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
@@ -123,6 +128,9 @@ FACTS = {
         "factor on sigma, without the row that speaks most; not where a few outliers are all that chi2 "
         "refutes (p >= 0.01 without them)"
     ),
+    "sigma_of_few": "stands only where it fails: the logarithms of sigmas that are used as given, by the "
+    f"angle in each observable of each series, bend by {ROUGH_SIGMA:g} or more (median of {FEWEST_BENDS} "
+    "second differences or more, as standard deviation), as those of five readings or fewer do",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
     "of all rows, of one observable, or of some of several series where the rest scatters twice as much "
     "(times their number); in percent where a hundredth of it leaves "

@@ -27,6 +27,7 @@ from ifrfit.inference.diagnostics.optimum_facts import (
     global_optimum,
     identifiable,
     several_modes,
+    tiny_friction,
 )
 from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts
 from ifrfit.inference.diagnostics.predictive_checks import predictive
@@ -275,6 +276,7 @@ def _facts(
         "angular_momentum",
         "rounded_readings",
         "truncation",
+        "sigma_of_few",
         "scatter_too_small",
     )
     slips = {name: found[name] for name in by_hand if name in found}
@@ -299,6 +301,7 @@ def _facts(
             misfit=any(name in found and not found[name].ok for name in _MISFIT),
         ),
         "at_bound": at_bound(constants),
+        **({} if (tiny := tiny_friction(problem, constants)) is None else {"tiny_friction": tiny}),
         **found,
     }
     if estimation.is_posterior and drawn is not None:
@@ -329,7 +332,8 @@ def _misfit(
         causes = {} if brief else causes_of(wide.problem, wide.fit, conditions, about.constants)
         if all(fact.ok for fact in causes.values()):
             others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
-            found = in_order({**others, "scatter_too_large": wide.fact})
+            of_sigma = {name: found[name] for name in ("sigma_of_few",) if name in found}
+            found = in_order({**others, **of_sigma, "scatter_too_large": wide.fact})
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from factories import impacts_file, problem_of, table_file
+from factories import impacts_file, jet, problem_of, table_file
 
 from ifrfit import fit
 from ifrfit.data import read
@@ -123,22 +123,6 @@ def test_yield_is_still_called_yield(tmp_path):
     assert "p_laws_of_speed" not in fact.figures
     assert "yield" not in fact.says
     assert found.facts["effects"].figures["called"][0] == "plasticity"
-
-
-def jet(path, seed, *, noise, gamma, speed=3.0):
-    """Velocities before and after, of impacts that were to have one speed, as a camera reads them."""
-    rng = np.random.default_rng(seed)
-    gamma = np.broadcast_to(gamma, 24)
-    after = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.9, mu=0.12)
-    slope = np.radians(gamma)
-    columns = {
-        "u_x_m_s": speed * np.sin(slope),
-        "u_z_m_s": speed * np.cos(slope),
-        "v_x_m_s": speed * after.v_x,
-        "v_z_m_s": -speed * after.v_n,
-    }
-    noisy = {name: values + noise * rng.standard_normal(24) for name, values in columns.items()}
-    return table_file(path, noisy, "%.5g")
 
 
 def test_errors_of_one_speed_are_no_trend_over_it(tmp_path):
