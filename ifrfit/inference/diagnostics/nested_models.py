@@ -122,7 +122,14 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     rule = FACTS["pooling"]
     if not parted:
         p = min(smallest.values())
-        says = f"one {joined(list(smallest))} for all series (p = {p_text(p)})"
+        compared = [name for name in smallest if _is_compared(problem, found, name)]
+        rest = [name for name in smallest if name not in compared]
+        says = f"one {joined(compared)} for all series (p = {p_text(p)})" if compared else ""
+        if rest:
+            each = "each of " if len(rest) > 1 else ""
+            says += (
+                f"{'; ' if says else ''}{each}{joined(rest)} is told by one series alone, and not compared"
+            )
         return Pooling(Fact(True, says, figures, rule), "", now, found)
     constants = joined([_parted_words(parted[-1], one, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
@@ -221,14 +228,27 @@ def _parted_words(widest: _Parted, one: _Parted, count: int) -> str:
     return f"{one.name} ({', '.join(each)}; {p})"
 
 
+def _theta_of(problem: Problem, wider: Problem, found: LeastSquaresFit) -> Array:
+    """The optimum of a problem as constants of a wider one."""
+    theta = np.empty(len(wider.parameters.names))
+    for name, places in wider.parameters.positions.items():
+        theta[places] = found.optimum.theta[problem.parameters.positions[name]]
+    return theta
+
+
+def _is_compared(problem: Problem, found: LeastSquaresFit, name: str) -> bool:
+    """Whether more than one series tells a constant, so that a fit with one each has more to determine."""
+    wider = _parting(problem, [name])
+    parted = gaussian_approximation(wider, found.sigma, _theta_of(problem, wider, found))
+    return parted.rank > found.gaussian.rank
+
+
 def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int) -> float | None:
     """p value of a problem wider by k numbers, to first order about a fit; None without degrees of freedom.
 
     A bound is not looked at: what it forbids counts as gained, and is left to a fit.
     """
-    theta = np.empty(len(wider.parameters.names))
-    for name, places in wider.parameters.positions.items():
-        theta[places] = found.optimum.theta[problem.parameters.positions[name]]
+    theta = _theta_of(problem, wider, found)
     expansion = gaussian_approximation(wider, found.sigma, theta)
     before = problem.parameters.prior_residuals(found.optimum.theta)
     after = wider.parameters.prior_residuals(theta)

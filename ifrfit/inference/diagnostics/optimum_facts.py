@@ -139,7 +139,7 @@ def tiny_friction(problem: Problem, constants: Constants) -> Fact | None:
     if not tiny:
         return None
     says = (
-        f"{joined(list(tiny))} comes out below {max(tiny.values()):.2g}; sliding contacts have 0.01 (ice, or a "
+        f"{joined(list(tiny))} comes out below {max(tiny.values()):.2g}; sliding contacts have 0.01 (ice, a "
         "film of oil) to 1.5 (rubber). Are the angles degrees, and no tangents? Are velocities and spins in "
         "the units that their headers say?"
     )

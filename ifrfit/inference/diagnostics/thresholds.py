@@ -64,8 +64,8 @@ FACTS = {
     "freedom, its rows less what the constants take of them",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
-    "tiny_friction": f"stands only where it fails: the 95 % interval of a mu ends below {TINY_FRICTION:g}, and "
-    "the readings are not simulated",
+    "tiny_friction": f"stands only where it fails: the 95 % interval of a mu ends below {TINY_FRICTION:g}, "
+    "and the readings are not simulated",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
     f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "

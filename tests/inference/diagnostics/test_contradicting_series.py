@@ -111,3 +111,20 @@ def test_series_of_one_name_in_two_files_are_compared(tmp_path, mu, differ):
         assert "give those of different files different names" in found.facts["pooling"].says
     alone = fit(paths[0], method="lsq")
     assert not [said for said in alone.warnings if "the series glass" in said]
+
+
+def test_constants_that_one_series_tells_alone_are_not_said_to_be_shared(tmp_path):
+    """One sticks all through, the other slides: mu is not compared. e_t acts in sliding, too."""
+    rng = np.random.default_rng(2)
+    gamma = np.concatenate((np.linspace(5.0, 20.0, 12), np.linspace(60.0, 75.0, 12)))
+    truth = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.9, mu=0.12)
+    columns = {
+        "gamma_deg": gamma,
+        "beta": truth.beta + 0.02 * rng.standard_normal(24),
+        "e_n": 0.9 + 0.01 * rng.standard_normal(24),
+        "series": np.repeat(["drop", "launch"], 12),
+    }
+    fact = fit(table_file(tmp_path / "t.csv", columns, "%.5g"), method="lsq").facts["pooling"]
+    assert fact.ok
+    assert fact.says.startswith("one e_n and e_t for all series (p = ")
+    assert fact.says.endswith("mu is told by one series alone, and not compared")
