@@ -198,6 +198,19 @@ def test_angular_momentum_of_a_hollow_ball_closes_only_with_its_own_inertia(tmp_
     assert right.rms < 1e-12
 
 
+@pytest.mark.parametrize("noise", [0.1, 0.15])
+def test_errors_of_the_velocities_are_no_other_inertia(tmp_path, noise):
+    """3 and 5 % of the speed: they miss by more than the limit, but by nothing that all impacts have."""
+    for seed in range(12):
+        rows = impacts(0.4, count=24, noise=noise, rng=np.random.default_rng(seed))
+        (check,) = table_of(tmp_path / "x.csv", rows).momentum
+        assert check.ok
+        (wrong,) = table_of(tmp_path / "w.csv", rows, inertia_factor=2 / 3).momentum
+        assert not wrong.ok
+    assert check.rms > check.limit
+    assert check.says.endswith("as far as errors of that size tell.")
+
+
 def test_a_body_of_its_own_gets_its_own_factor(tmp_path):
     (check,) = table_of(tmp_path / "x.csv", impacts(0.55)).momentum
     assert "try --inertia-factor 0.55, or check size and signs." in check.says

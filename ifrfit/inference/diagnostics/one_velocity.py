@@ -1,4 +1,4 @@
-"""One velocity given as two observables, in rows that nothing ties to one impact: it would count twice."""
+"""One velocity given as two observables, or one computed from the other: it would count twice."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ from ifrfit.text import p_text
 _FEWEST = 10  # pairs of rows
 _ALIKE = 0.95  # correlation of the errors from which they are one
 _TURNS = 0.4  # share of steps that change their sign, 2/3 of independent errors, below which they are a trend
+_COMPUTED = (
+    "one was computed from the other, or impacts differ by more than either is misread; what is one number "
+    "of an impact counts as two"
+)
 _STEP = 1e-4  # of the impulse factor, or of e_n
 
 
@@ -38,8 +42,8 @@ def one_velocity(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     by_factor, by_e_n = (slope / fit.sigma for slope in _slopes(problem, fit.optimum.theta))
     pairs = list(itertools.combinations(problem.rows.observables, 2))
     for one, other in pairs:
-        rows = _paired(problem, one.name, other.name) if one.takes & other.takes else np.empty((0, 2), int)
-        if len(rows) < _FEWEST:
+        rows, tied = _paired(problem, one.name, other.name), bool(one.takes & other.takes)
+        if len(rows) < _FEWEST or not (tied or one.kind == other.kind != "normal"):
             continue
         by = (by_e_n if "normal" in (one.kind, other.kind) else by_factor)[rows]
         seen = (by != 0.0).all(axis=1)
@@ -51,10 +55,11 @@ def one_velocity(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         t = r * np.sqrt(dof / max(1.0 - r * r, 1e-15))
         p = min(1.0, len(pairs) * 4.0 * float(special.stdtr(dof, -t)))
         if r > _ALIKE and p < REFUTED:
+            why = "one velocity stands in the table twice and counts twice" if tied else _COMPUTED
             says = (
                 f"{one.name} and {other.name} have the same errors at {len(rows)} angles (correlation "
-                f"{r:.2g}, p = {p_text(p)}): one velocity stands in the table twice and counts twice. "
-                f"Keep one: --observable {one.name}, or --observable {other.name}"
+                f"{r:.2g}, p = {p_text(p)}): {why}. Keep one: --observable {one.name}, or --observable "
+                f"{other.name}"
             )
             figures = {"p": p, "n": len(rows), "rows": [], "correlation": r}
             return Fact(False, says, figures, FACTS["duplicates"])

@@ -276,7 +276,8 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
         _of_uneven_scatter(so_far, problem, found, residuals)
     by_scatter = so_far.most_explained("growing_scatter", "scatter_by_angle")
     # readings in few cells look like impacts of as many kinds
-    if not (so_far.fails(*_MISFIT, *_OF_THE_TABLE, "angle_scatter") or is_coarse(problem, found)):
+    not_of_kinds = (*_MISFIT, *_OF_THE_TABLE, "duplicates", "angle_scatter")
+    if not (so_far.fails(*not_of_kinds) or is_coarse(problem, found)):
         kinds = mixture(problem, found)
         # what scatters more where a constant acts may be impacts of two kinds
         if kinds is not None and kinds.figures["drop"] > by_scatter + ALIKE:

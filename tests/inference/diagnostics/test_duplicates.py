@@ -189,3 +189,19 @@ def test_readings_near_their_mean_are_no_filled_gaps(tmp_path, decimals, seeds):
         path = table_file(tmp_path / "t.csv", _readings(seed, n=40), f"%.{decimals}f")
         alarms += "repeated_number" in fit(path, method="lsq").facts
     assert alarms <= at_most(seeds, 0.001)
+
+
+def test_spins_computed_from_the_velocities_count_once(tmp_path):
+    """By the balance of angular momentum: what v_x is off by, they are off by, too."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        gamma = np.linspace(10.0, 75.0, 30)
+        after = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.9, mu=0.12)
+        v_x = after.v_x + 0.01 * rng.standard_normal(30)
+        columns = {"gamma_deg": gamma, "v_x": v_x, "v_n": after.v_n + 0.01 * rng.standard_normal(30)}
+        computed = columns | {"spin_y_after": (v_x - np.sin(np.radians(gamma))) / 0.4}
+        fact = fit(table_file(tmp_path / "t.csv", computed, "%.6g"), method="lsq").facts["duplicates"]
+        assert "v_x and spin_y_after have the same errors" in fact.says
+        read = columns | {"spin_y_after": after.spin_y + 0.02 * rng.standard_normal(30)}
+        facts = fit(table_file(tmp_path / "r.csv", read, "%.6g"), method="lsq").facts
+        assert "duplicates" not in facts
