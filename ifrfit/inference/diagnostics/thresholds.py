@@ -160,7 +160,8 @@ FACTS = {
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting, in one "
     "series or in two, agree in every decimal, by noise and rounding (Poisson); or, where no misfit and no "
     "slip is found, changes of the residuals, in one unit, of two observables of one velocity, or of v_x and "
-    f"the spin, from one angle to the next correlate by more than 0.95 (p < {REFUTED:g}, times twice the number of pairs)",
+    f"the spin, from one angle to the next correlate by more than 0.95 (p < {REFUTED:g}, times twice the "
+    "number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",
@@ -190,8 +191,8 @@ FACTS = {
     "(residual), or no row without a residual (wild): of 5 the sd comes out 10 % too small, of fewer more so",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "
     "that of shared ones (below a factor 3 there is no preference); the factor depends on the priors' widths",
-    "angular_momentum": "velocities and spins close within 5 %, or within 30 % where less than 2.5 % goes with "
-    "the change of spin or is the same in all impacts (F, p < 0.001); raw velocities with spin after only",
+    "angular_momentum": "velocities and spins close within 5 %, or within 30 % where less than 2.5 % goes "
+    "with the change of spin or is the same in all impacts (F, p < 0.001); raw velocities with spin after only",
 }
 
 # of the fact "converged" where the exact posterior is left to importance sampling
