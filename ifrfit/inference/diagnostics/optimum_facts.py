@@ -220,9 +220,10 @@ def identifiable(
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
-    narrow_angles = _within_errors(problem, fit)
-    if narrow_angles:
-        return Fact(False, narrow_angles, figures, FACTS["identifiable"])
+    # what the law misses looks like errors of velocities, too
+    within_errors = "" if slip or misfit else _within_errors(problem, fit)
+    if within_errors:
+        return Fact(False, within_errors, figures, FACTS["identifiable"])
     if slip and (local.rank < n_free or _limits(problem, constants, misfit=misfit)):
         says = "the data do not determine every constant as the table stands: mend the slip in it first"
         return Fact(False, says, figures, FACTS["identifiable"])
@@ -244,7 +245,9 @@ def _within_errors(problem: Problem, fit: LeastSquaresFit) -> str:
     rows = problem.rows
     velocities = np.isin(rows.which, [rows.names.index(name) for name in _VELOCITIES if name in rows.names])
     numbers = (problem.speeds, rows.gamma_deg)
-    if not velocities.any() or not all((x > 0.0).any() and resolution(x) <= _UNROUNDED for x in numbers):
+    if not (velocities & rows.is_oblique).any() or not all(
+        (x > 0.0).any() and resolution(x) <= _UNROUNDED for x in numbers
+    ):
         return ""
     spread = float(np.std(rows.gamma_deg[rows.is_oblique]))
     scatter = math.degrees(float(np.sqrt((fit.sigma[velocities] ** 2).mean())))

@@ -192,7 +192,7 @@ FACTS = {
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "
     "that of shared ones (below a factor 3 there is no preference); the factor depends on the priors' widths",
     "angular_momentum": "velocities and spins close within 5 %, or within 30 % where less than 2.5 % goes "
-    "with the change of spin or is the same in all impacts (F, p < 0.001); raw velocities with spin after only",
+    "with the change of spin or is the same in all impacts (F, p < 0.001); raw velocities with spin after",
 }
 
 # of the fact "converged" where the exact posterior is left to importance sampling
