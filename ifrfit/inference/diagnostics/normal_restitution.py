@@ -25,6 +25,7 @@ _FEWEST = 6  # readings of a series from which a trend is looked for
 OF_SPEEDS = "e_n falls with the normal speed"
 _GRAZING = 0.05  # share of the incoming speed that goes into the wall, below which v_n says nothing of e_n
 _NEGLIGIBLE = 2e-3  # change over the whole range that matters to no use of e_n, and may be rounding
+_RANGE_OF_ANGLES = 5.0  # degrees
 _ABOVE = 4.0  # sd by which a single reading may exceed 1
 
 
@@ -143,9 +144,10 @@ def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
 
 
 def _findings(problem: Problem, readings: _Readings, advise: bool) -> Iterator[_Look]:
-    yield from _trend(readings, readings.gamma, "the angle", "degrees", advise)
+    if np.ptp(readings.gamma) >= _RANGE_OF_ANGLES:
+        yield from _trend(readings, readings.gamma, "the angle", "degrees", advise)
     x = np.log(np.where(readings.speed > 0.0, readings.speed, np.nan))
-    # of speeds that are all but one, the errors are in e_n, too, which is made of them
+    # of speeds that are all but one, the errors are in e_n, too, which is made of them; so of angles
     if np.isfinite(x).any() and np.nanmax(x) - np.nanmin(x) >= math.log(RANGE_OF_SPEEDS):
         yield from _trend(readings, x, "the speed", "m/s", advise)
     yield from _against_known(problem, readings)

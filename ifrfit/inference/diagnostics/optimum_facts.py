@@ -29,7 +29,7 @@ _DISTANCE = 3.0  # sd between modes, in at least one constant, that are no kinks
 _COVERED, _MANY = (20.0, 70.0), 8  # degrees between which lie all angles, and of how many
 _VELOCITIES = ("v_x", "v_n")
 _UNROUNDED = 1e-6  # last decimal of numbers that are made of others
-_SPREAD = 5.0  # times the scatter of velocities that angles made of them have to differ by
+_SPREAD, _NARROW = 5.0, 3.0  # times the scatter of velocities, or degrees, that angles made of them differ by
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
 
@@ -220,8 +220,7 @@ def identifiable(
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
-    # what the law misses looks like errors of velocities, too
-    within_errors = "" if slip or misfit else _within_errors(problem, fit)
+    within_errors = "" if slip else _within_errors(problem, fit)
     if within_errors:
         return Fact(False, within_errors, figures, FACTS["identifiable"])
     if slip and (local.rank < n_free or _limits(problem, constants, misfit=misfit)):
@@ -251,7 +250,7 @@ def _within_errors(problem: Problem, fit: LeastSquaresFit) -> str:
         return ""
     spread = float(np.std(rows.gamma_deg[rows.is_oblique]))
     scatter = math.degrees(float(np.sqrt((fit.sigma[velocities] ** 2).mean())))
-    if spread >= _SPREAD * scatter:
+    if spread >= min(_SPREAD * scatter, _NARROW):  # what the law misses scatters, too
         return ""
     return (
         f"the angles of incidence, made of velocities, differ by {spread:.2g} degrees (sd), and the "

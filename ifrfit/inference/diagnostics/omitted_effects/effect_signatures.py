@@ -13,6 +13,7 @@ from typing import cast
 
 import numpy as np
 
+from ifrfit.inference.diagnostics.thresholds import RANGE_OF_SPEEDS
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
 from ifrfit.physics.closures import get_closure
@@ -287,7 +288,8 @@ def _of_speed(
             rise = (shape - shape.min()) / max(float(np.ptp(shape)), _GRAZING)
             bent = partial(_by_angle, problem, rise)
             yield Direction("restitution-by-angle", by_e_n * rise, two_sided=True, values=bent)
-    if coming.any():
+    # of one normal speed the errors are in e_n, too, where both are made of the same velocities
+    if coming.any() and float(normal[coming].max()) >= RANGE_OF_SPEEDS * float(normal[coming].min()):
         for name in LAWS:
             weight = (by_e_n / sigma) ** 2
             direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, e_n_known)
