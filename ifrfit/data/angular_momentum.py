@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import special
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.physics.angles import Array
@@ -241,6 +240,8 @@ def _suggested(dv: Array, ds: Array, scale: float, rms: float) -> float | None:
 
 def _systematic(dv: Array, ds: Array, inertia_factor: float, scale: float) -> float:
     """What of the miss a line in the change of spin takes, as `MomentumCheck` has it; of few impacts all."""
+    from scipy import special  # commands that read no velocities start without it
+
     miss = dv - inertia_factor * ds
     n = miss.shape[1]
     if n < _MANY:

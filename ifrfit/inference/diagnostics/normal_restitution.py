@@ -173,7 +173,12 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) ->
     ends = parabola[order[[0, -1]]]
     if np.ptp(parabola) <= _NEGLIGIBLE:
         return
-    shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
+    # of a parabola that turns, its ends may be alike
+    least_most = sorted(
+        (int(np.argmin(parabola)), int(np.argmax(parabola))), key=lambda place: float(x[place])
+    )
+    shown = np.exp(x[least_most]) if unit == "m/s" else x[least_most]
+    of_e_n = parabola[least_most]
     remedy = "Fit a narrower range of it" if advise else "Mend the slip in the table first"
     directions, _ = np.linalg.qr(np.vander(x - x.mean(), 3) * root[:, None])
     variance = 1.0 if math.isinf(readings.dof) else rest / (x.size - 3)
@@ -187,8 +192,8 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) ->
         remedy += f", or give the speeds in a column speed_m_s: {OF_SPEEDS}, and it rises with the angle then"
     yield (
         p,
-        f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "
-        f"{ends[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
+        f"e_n{readings.of} is not one value: its readings go from {of_e_n[0]:.3g} at {shown[0]:.3g} {unit} "
+        f"to {of_e_n[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
         f"{remedy}",
     )
 

@@ -17,11 +17,9 @@ from ifrfit.text import p_text
 
 _FEWEST = 10  # pairs of rows
 _ALIKE = 0.95  # correlation of the errors from which they are one
+_ONE = 0.999  # the same of errors of two measurements, which impacts that differ make alike, too
 _TURNS = 0.4  # share of steps that change their sign, 2/3 of independent errors, below which they are a trend
-_COMPUTED = (
-    "one was computed from the other, or impacts differ by more than either is misread; what is one number "
-    "of an impact counts as two"
-)
+_COMPUTED = "one was computed from the other, and what is one number of an impact counts as two"
 _STEP = 1e-4  # of the impulse factor, or of e_n
 
 
@@ -54,7 +52,7 @@ def one_velocity(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         dof = 0.5 * (len(rows) - 1) - 2.0
         t = r * np.sqrt(dof / max(1.0 - r * r, 1e-15))
         p = min(1.0, len(pairs) * 4.0 * float(special.stdtr(dof, -t)))
-        if r > _ALIKE and p < REFUTED:
+        if r > (_ALIKE if tied else _ONE) and p < REFUTED:
             why = "one velocity stands in the table twice and counts twice" if tied else _COMPUTED
             says = (
                 f"{one.name} and {other.name} have the same errors at {len(rows)} angles (correlation "

@@ -159,9 +159,9 @@ FACTS = {
     f"(p < {REFUTED:g}, three times) it is said to explain a part",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting, in one "
     "series or in two, agree in every decimal, by noise and rounding (Poisson); or, where no misfit and no "
-    "slip is found, changes of the residuals, in one unit, of two observables of one velocity, or of v_x and "
-    f"the spin, from one angle to the next correlate by more than 0.95 (p < {REFUTED:g}, times twice the "
-    "number of pairs)",
+    "slip is found, changes of the residuals, in one unit, of two observables of one velocity from one angle "
+    f"to the next correlate by more than 0.95, or of v_x and the spin by more than 0.999 (p < {REFUTED:g}, "
+    "times twice the number of pairs)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",

@@ -36,7 +36,7 @@ def test_students_law_takes_them_as_they_are(tmp_path):
     assert "sigma_of_few" not in fit(path, method="lsq", noise=Noise(tails="student-t", dof=2)).facts
 
 
-@pytest.mark.parametrize("kind", ["one", "of the value", "of the angle", "two kinds"])
+@pytest.mark.parametrize("kind", ["one", "of the value", "of the angle", "two kinds", "in turns"])
 @pytest.mark.parametrize("seeds", [5, pytest.param(100, marks=pytest.mark.long)])
 def test_sigmas_that_are_known_are_none(tmp_path, kind, seeds):
     alarms = 0
@@ -48,6 +48,7 @@ def test_sigmas_that_are_known_are_none(tmp_path, kind, seeds):
             "one": np.full(gamma.size, 0.02),
             "of the value": 0.03 * np.abs(beta) + 0.005,
             "of the angle": 0.01 + 0.05 * np.radians(gamma) ** 2,
+            "in turns": np.where(np.arange(gamma.size) % 2, 0.01, 0.03),
             "two kinds": np.where(np.arange(gamma.size) < gamma.size // 2, 0.01, 0.03),
         }[kind]
         columns = {"gamma_deg": gamma, "beta": beta + sigma * rng.standard_normal(gamma.size), "sigma": sigma}
