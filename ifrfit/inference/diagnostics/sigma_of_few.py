@@ -45,12 +45,12 @@ def sigma_of_few(problem: Problem) -> Fact | None:
         return None
     dof = np.arange(1, _MOST + 1)
     near = int(dof[np.argmin(np.abs(0.5 * np.sqrt(special.polygamma(1, 0.5 * dof)) - rough))])
-    tails = f"--tails student-t --dof {near} takes them as such; " if problem.closure.bilinear else ""
+    tails = f"; --tails student-t --dof {near} takes each as such a guess" if problem.closure.bilinear else ""
     who, times = joined(list(dict.fromkeys(names))), math.exp(rough)
     says = (
         f"the sigmas of {who} go up and down by a factor of {times:.2g} from row to row, as those of some "
         f"{near + 1} readings do: each is a guess then, the small ones weigh too much, and intervals are too "
-        f"short. {tails}--noise unknown takes one size for all"
+        f"short. --noise unknown takes one size for all{tails}"
     )
     return Fact(False, says, {"scatter": rough, "dof": near}, FACTS["sigma_of_few"])
 
