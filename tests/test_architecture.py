@@ -22,7 +22,7 @@ ROOT = Path(ifrfit.__file__).parent
 LAYERS = (
     ("__main__",),
     ("cli",),
-    ("paper", "cost"),
+    ("paper", "cost", "campaign"),
     ("report",),
     ("simulation",),
     ("inference",),
@@ -35,7 +35,7 @@ LAYERS = (
 LATE = {"ifrfit.inference.result.display", "ifrfit.inference.worker_processes", "ifrfit.registry"}
 # what no fit by least squares, nor one with the exact posterior, may import
 UNNEEDED = (
-    *(f"ifrfit.{part}." for part in ("cli", "cost", "paper", "report", "simulation")),
+    *(f"ifrfit.{part}." for part in ("campaign", "cli", "cost", "paper", "report", "simulation")),
     *(f"ifrfit.inference.{part}." for part in ("appraise", "bootstrap", "comparison", "mcmc")),
     *(f"{package}." for package in ("arviz", "emcee", "jinja2", "lmfit", "matplotlib", "typer")),
 )

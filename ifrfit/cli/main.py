@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from ifrfit._version import __version__
+from ifrfit.cli.campaign import campaign
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
@@ -25,7 +26,7 @@ from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError
 
-_SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "cost": cost}
+_SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "campaign": campaign, "cost": cost}
 
 
 class _Commands(TyperGroup):
@@ -70,6 +71,7 @@ app.add_typer(datasets, name="datasets")
 
 app.command("fit", help=fit.__doc__)(_listed)
 app.command("compare", help=compare.__doc__)(_listed)
+app.command("campaign", help=campaign.__doc__)(_listed)
 
 
 @app.command()

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cell_table import show
+from ifrfit.data.cell_table import Cells, show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
-from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.conventions import Conventions, parse_conventions
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
@@ -24,6 +24,10 @@ from ifrfit.data.tabular import read_cells
 from ifrfit.data.validate import drop_missing, refuse_restarted_impacts, refuse_summary_rows, validate
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
+
+
+class NothingMeasuredError(DataError):
+    """A table in which no row holds a measurement."""
 
 
 def read(
@@ -58,11 +62,31 @@ def read(
         A convention is unknown or names a column that is not there, or the inertia factor is not positive.
     """
     conventions = parse_conventions(convention)
+    return observe(read_table(Path(path), conventions), conventions, inertia_factor)
+
+
+def read_table(path: Path, conventions: Conventions) -> Cells:
+    """The cells of a file, its header found with the columns that the conventions name.
+
+    Raises
+    ------
+    DataError
+        As `ifrfit.data.tabular.read_cells`.
+    """
+    named = conventions.mentioned
+    return read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
+
+
+def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4) -> Observations:
+    """What the cells of a file say, in the common schema; see `read`.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `read`.
+    """
     if not (math.isfinite(inertia_factor) and inertia_factor > 0):
         raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
-    path = Path(path)
-    named = conventions.mentioned
-    cells = read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
     layout = identify(cells, conventions)
     refuse_summary_rows(layout)
     pieces = _read_form(layout, inertia_factor)
@@ -73,7 +97,7 @@ def read(
         validate(some, cells)
         kept.append(some)
         skipped.update(why)
-    return _assemble(path, layout, kept, dict(skipped))
+    return _assemble(Path(cells.file), layout, kept, dict(skipped))
 
 
 def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
@@ -107,7 +131,9 @@ def _assemble(
     rows = np.concatenate([piece.rows for piece in pieces])
     reasons = "; ".join(f"{count} {reason}" for reason, count in skipped.items())
     if not rows.size:
-        raise DataError(f"{cells.file}: no row can be used ({reasons}). Fill in what was measured.")
+        raise NothingMeasuredError(
+            f"{cells.file}: no row can be used ({reasons}). Fill in what was measured."
+        )
     order = np.argsort(rows, kind="stable")
     rows = rows[order]
     columns: dict[str, Any] = {}

@@ -44,6 +44,7 @@ TEXTS = {
         "--intervals",
     ),
     "accuracy": ("fit", "cross-2019", "--fix", "e_n=0.94", "--accuracy", "1e-3"),
+    "campaign-help": ("campaign", "--help"),
     "compare-help": ("compare", "--help"),
     "compare": ("compare", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
     "compare-stand-in": ("compare", "cross-2019", "--fix", "e_n=0.94", "--no-loo"),

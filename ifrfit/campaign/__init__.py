@@ -1,0 +1,1 @@
+"""Campaigns: thousands of groups of impacts, each fitted by itself, then as members of one population."""

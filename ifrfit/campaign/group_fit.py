@@ -1,0 +1,150 @@
+"""The fit of one group as a row of the campaign's table: whatever happens there is a row, too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ifrfit.data import Observations, combine
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.groups import Group, GroupedFiles
+from ifrfit.data.readers import NothingMeasuredError, observe
+from ifrfit.errors import DataError, IfrfitError
+from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.fit import fit
+from ifrfit.inference.options import Model, Noise
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
+from ifrfit.physics.effects.contact import SOLID
+from ifrfit.report.provenance import kinds_of, provenance_words
+from ifrfit.report.sentences import headline
+
+Row = dict[str, Any]
+
+FAILURE, FINDINGS, LOOK, PROVENANCE = "failure", "findings", "look", "provenance"
+KAPPA = "kappa"
+PARTS = ("sd", "lo68", "hi68", "lo95", "hi95", "status")
+
+
+@dataclass(frozen=True)
+class GroupQuestion:
+    """What is asked of every group.
+
+    Attributes
+    ----------
+    conventions : Conventions
+        Of the columns, those passed over among them that only form groups.
+    model : Model
+    noise : Noise
+    method : Estimator
+    selection : mapping
+        Keywords of `ifrfit.fit` that choose rows.
+    seed : int
+    facts : bool
+        Whether slips, effects and lack of fit are looked for.
+    """
+
+    conventions: Conventions
+    model: Model
+    noise: Noise
+    method: Estimator
+    selection: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    facts: bool = True
+
+    def observations(self, group: Group, files: GroupedFiles) -> Observations:
+        """The rows of a group in the common schema.
+
+        Raises
+        ------
+        DataError
+            As `ifrfit.data.readers.observe`, and where its files could not be read whole.
+        """
+        if group.trouble:
+            raise DataError(group.trouble)
+        inertia = self.model.inertia_factor
+        found: list[Observations] = []
+        nothing: NothingMeasuredError | None = None
+        for table in group.tables:
+            try:
+                own = observe(table, files.conventions_of(table), SOLID if inertia is None else inertia)
+            except NothingMeasuredError as error:
+                nothing = error  # as empty cells are: they take nothing from the group's other files
+            else:
+                found.append(own)
+        if nothing is not None and not found:
+            raise nothing
+        return combine(found)
+
+
+def fit_groups(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Group]) -> list[Row]:
+    """A row of each group, in their order; see `fit_group`."""
+    return [fit_group(question, files, group) for group in groups]
+
+
+def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row:
+    """The constants of a group and what is found of them; the reason where there are none.
+
+    Returns
+    -------
+    dict
+        ``files``, ``rows`` of the files, and ``failure``; where it is empty ``n``, ``n_sliding``,
+        ``n_sticking``, provenance, each constant and kappa with sd, intervals and status, chi2, dof, p_value,
+        whether the optimum is proven, and what calls for a look.
+    """
+    row: Row = {"files": ", ".join(group.files), "rows": group.rows, FAILURE: ""}
+    try:
+        found = fit(
+            question.observations(group, files),
+            question.model,
+            noise=question.noise,
+            method=question.method,
+            seed=question.seed,
+            **question.selection,
+        )
+        return row | _findings(found, facts=question.facts)
+    except IfrfitError as error:
+        return row | {FAILURE: str(error)}
+    except Exception as error:  # noqa: BLE001 - a bug in one group must not take the others with it
+        said = f"internal error, {type(error).__name__}: {error}. This is a bug; fit the group by itself."
+        return row | {FAILURE: said}
+
+
+def _findings(found: FitResult, *, facts: bool) -> Row:
+    kinds = dict.fromkeys(kind for source in found.inputs for kind in kinds_of(found, source))
+    row: Row = {
+        "n": found.fit.n,
+        "n_sliding": found.fit.n_sliding,
+        "n_sticking": found.fit.n_sticking,
+        PROVENANCE: provenance_words(tuple(kinds)),
+    }
+    estimates = found.flat_constants()
+    kappa = found.derived.get(KAPPA)
+    if isinstance(kappa, Estimate):
+        estimates[KAPPA] = kappa
+    for name, estimate in estimates.items():
+        row |= _columns(name, estimate)
+    row |= {name: _number(getattr(found.fit, name)) for name in ("chi2", "dof", "p_value")}
+    if facts:
+        row["proven"] = bool(found.facts["global_optimum"].ok)
+        row["converged"] = bool(found.facts["converged"].ok)
+        row[FINDINGS] = ", ".join(name for name, fact in found.facts.items() if not fact.ok)
+        row[LOOK] = headline(found)
+    return row
+
+
+def _columns(name: str, estimate: Estimate) -> Row:
+    low68, high68 = estimate.interval68
+    low95, high95 = estimate.interval95
+    parts = (estimate.stderr, low68, high68, low95, high95)
+    row: Row = {name: _number(estimate.value)}
+    row |= {f"{name}_{part}": _number(value) for part, value in zip(PARTS, parts, strict=False)}
+    row[f"{name}_status"] = estimate.status
+    return row
+
+
+def _number(x: float | None) -> float | None:
+    """A number of the table; infinite ends stay, what is not defined is empty."""
+    return None if x is None or math.isnan(x) else float(x)

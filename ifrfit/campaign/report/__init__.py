@@ -1,0 +1,1 @@
+"""Campaigns as a table, an index page and a text for the terminal."""

@@ -1,0 +1,69 @@
+"""A campaign in words, for the terminal."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
+from ifrfit.campaign.population import FEWEST
+from ifrfit.campaign.run import Campaign
+from ifrfit.report.provenance import STAND_IN
+from ifrfit.text import decimals, fixed, joined
+
+_SHOWN = 5
+
+
+def summary(campaign: Campaign) -> str:
+    """Counts, the population of each constant, and what calls for a look."""
+    lines = [counts(campaign), *warnings(campaign)]
+    if campaign.populations:
+        lines += ["", f"{'constant':10} {'median group':>22}   {'95 % of new groups':>20}   groups pooled"]
+        for each in campaign.populations:
+            middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
+            new = between(float(each.new.lo95), float(each.new.hi95))
+            lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
+    else:
+        lines += [
+            "",
+            f"No constant is determined by {FEWEST} groups or more: there is no population to tell of.",
+        ]
+    if looks := Counter(row[LOOK] for row in campaign.rows if row.get(LOOK)):
+        lines += ["", f"to look at: {sum(looks.values())} of {campaign.fitted} groups"]
+        lines += [f"  {count:>6}  {text}" for text, count in looks.most_common(_SHOWN)]
+    if failures := [
+        (key, row[FAILURE]) for key, row in zip(campaign.keys, campaign.rows, strict=True) if row[FAILURE]
+    ]:
+        lines += ["", f"failed: {len(failures)} group{'s' if len(failures) > 1 else ''}"]
+        lines += [f"  {', '.join(key)}: {reason}" for key, reason in failures[:_SHOWN]]
+    if campaign.refused:
+        lines += ["", f"refused: {len(campaign.refused)} file{'s' if len(campaign.refused) > 1 else ''}"]
+        lines += [f"  {each.reason}" for each in campaign.refused[:_SHOWN]]
+    return "\n".join(lines)
+
+
+def counts(campaign: Campaign) -> str:
+    """How many groups there are, and how many were fitted."""
+    n = len(campaign.rows)
+    groups = f"{n:,} group{'s' if n != 1 else ''} by {joined(campaign.by)}"
+    return f"{groups}: {campaign.fitted:,} fitted by {campaign.method}, {campaign.failed:,} failed."
+
+
+def warnings(campaign: Campaign) -> list[str]:
+    """What must be known before the numbers are believed."""
+    said = []
+    if any(STAND_IN in str(row.get(PROVENANCE, "")) for row in campaign.rows):
+        said.append(
+            "Stand-ins are generated from constants a paper prints: a fit to them shows that the tool works "
+            "and is no finding."
+        )
+    if not campaign.facts:
+        said.append("Slips, effects and lack of fit were not looked for (--no-facts).")
+    return said
+
+
+def between(low: float, high: float, middle: float | None = None) -> str:
+    """An interval, behind its middle where that is given, with the digits that its width deserves."""
+    width = high - low
+    digits = decimals(width) if width > 0.0 else 3
+    ends = f"[{fixed(low, digits)}, {fixed(high, digits)}]"
+    return ends if middle is None else f"{fixed(middle, digits)} {ends}"

@@ -1,0 +1,214 @@
+"""`run_campaign`: the groups of many files, each fitted by itself, and the population they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row, fit_groups
+from ifrfit.campaign.journal import Journal
+from ifrfit.campaign.lots import DIED, in_lots
+from ifrfit.campaign.population import Population, populations
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
+from ifrfit.inference.options import Model, Noise
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.effects.contact import SOLID
+
+METHODS = ("exact", "lsq", "profile")
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What was found of all groups.
+
+    Attributes
+    ----------
+    by : tuple of str
+        Columns that formed the groups.
+    keys : tuple of tuple of str
+        Of each group, in the order in which they were read.
+    rows : tuple of dict
+        Of each group, see `ifrfit.campaign.group_fit.fit_group`.
+    refused : tuple of RefusedFile
+    populations : tuple of Population
+    model : Model
+    method : str
+    noise : str or None
+        As asked; None is the default of each group.
+    facts : bool
+        Whether slips, effects and lack of fit were looked for.
+    seed : int
+    command : str
+    """
+
+    by: tuple[str, ...]
+    keys: tuple[tuple[str, ...], ...]
+    rows: tuple[Row, ...]
+    refused: tuple[RefusedFile, ...]
+    populations: tuple[Population, ...]
+    model: Model
+    method: str
+    noise: str | None
+    facts: bool
+    seed: int
+    command: str
+
+    @property
+    def fitted(self) -> int:
+        """Number of groups that have constants."""
+        return sum(not row[FAILURE] for row in self.rows)
+
+    @property
+    def failed(self) -> int:
+        """Number of groups without."""
+        return len(self.rows) - self.fitted
+
+
+def run_campaign(
+    data: Sequence[str | Path],
+    by: Sequence[str],
+    out: Path,
+    deliver: Callable[[Campaign], list[str]],
+    *,
+    model: Model | None = None,
+    noise: str | Noise | None = None,
+    method: str | Estimator | None = None,
+    facts: bool = True,
+    workers: int = 1,
+    resume: bool = False,
+    force: bool = False,
+    seed: int = 0,
+    command: str = "",
+    progress: Callable[[int, int], None] | None = None,
+    **keywords: Any,
+) -> tuple[Campaign, list[str]]:
+    """Fit every group of the files by itself, and all of them as members of one population.
+
+    A group that cannot be fitted, and a file that cannot be read, are named in the result and stop nothing.
+
+    Parameters
+    ----------
+    data : sequence of str or Path
+        Files, and folders of CSV, TSV and Parquet files.
+    by : sequence of str
+        Columns whose text forms the groups; ``file`` stands for the name of the file.
+    out : Path
+        Folder of the results; what was found so far is kept beside it until they are delivered.
+    deliver : callable
+        Writes the results; gives the names of the files.
+    model, noise, method, seed, **keywords
+        As `ifrfit.fit`; the method is one of `METHODS`.
+    facts : bool
+        Whether slips, effects and lack of fit are looked for in each group.
+    workers : int
+        Processes. The results do not depend on them.
+    resume : bool
+        Go on with an unfinished campaign.
+    force : bool
+        Throw an unfinished one away, unless `resume`.
+    progress : callable, optional
+        Called with the groups done, and how many are known of.
+
+    Returns
+    -------
+    Campaign, list of str
+
+    Raises
+    ------
+    UsageError
+        For choices that do not exist, and for an unfinished campaign that nothing is said of.
+    DataError
+        There is no file, or no group in them.
+    """
+    estimator = estimator_of(method)
+    if estimator.name not in METHODS:
+        raise UsageError(f"--method {estimator.name}: campaigns take {', '.join(METHODS)}.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: it must be 1 or more.")
+    conventions = parse_conventions(keywords.pop("convention", ()))
+    question = GroupQuestion(
+        conventions, model_of(model, {}), noise_of(noise), estimator, keywords, seed, facts
+    )
+    selection_of(keywords)
+    inertia = question.model.inertia_factor
+    parameters = question.model.parameters(SOLID if inertia is None else inertia)
+    files = GroupedFiles(tuple(table_files([Path(each) for each in data])), tuple(by), conventions)
+    journal = Journal.open(out, repr((tuple(by), question)), resume=resume, force=force)
+    order: dict[tuple[str, ...], int] = {}
+    refused: list[RefusedFile] = []
+    found: dict[tuple[str, ...], Row] = {}
+
+    def unknown() -> Iterator[Group]:
+        for group in files.groups():
+            if isinstance(group, RefusedFile):
+                refused.append(group)
+                continue
+            order[group.key] = len(order)
+            row = journal.known.get((group.key, group.digest))
+            if row is None:
+                yield group
+            else:
+                found[group.key] = row
+
+    work = partial(fit_groups, question, files)
+    waiting: list[tuple[Group, Row]] = []
+    try:
+        for group, row in in_lots(unknown(), work, _lost, workers):
+            found[group.key] = row
+            waiting.append((group, row))
+            if len(waiting) >= _AT_ONCE:
+                _keep(journal, waiting)
+            if progress is not None:
+                progress(len(found), max(len(order), len(files.files)))
+    except (DataError, UsageError):
+        if not found:
+            journal.close()
+        raise
+    finally:
+        _keep(journal, waiting)
+    if not found:
+        journal.close()
+        reason = refused[0].reason if refused else "no file has a row"
+        raise DataError(f"There is no group to fit: {reason}")
+    keys = tuple(sorted(found, key=order.__getitem__))
+    rows = tuple(found[key] for key in keys)
+    campaign = Campaign(
+        tuple(by),
+        keys,
+        rows,
+        tuple(refused),
+        tuple(populations(rows, parameters)),
+        replace(question.model, closure=get_closure(question.model.closure).name),
+        estimator.name,
+        question.noise.policy,
+        facts,
+        seed,
+        command,
+    )
+    written = deliver(campaign)
+    journal.close()
+    return campaign, written
+
+
+_AT_ONCE = 25  # rows written to the journal together
+
+
+def _keep(journal: Journal, waiting: list[tuple[Group, Row]]) -> None:
+    if waiting:
+        journal.add(
+            [group.key for group, _ in waiting],
+            [group.digest for group, _ in waiting],
+            [row for _, row in waiting],
+        )
+        waiting.clear()
+
+
+def _lost(group: Group) -> Row:
+    return {"files": ", ".join(group.files), "rows": group.rows, FAILURE: DIED}

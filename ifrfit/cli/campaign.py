@@ -1,0 +1,75 @@
+"""`ifrfit campaign`: constants of thousands of groups, and of the population that they are drawn from."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ifrfit.cli.options import SharedCommand, command_line
+from ifrfit.cli.output import Quiet, say, working
+from ifrfit.errors import UsageError
+
+
+@partial(SharedCommand)
+def campaign(
+    question: dict[str, Any],
+    by: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...", help="Columns that form the groups; 'file' is the name of the file."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Write campaign.json, results.parquet and index.html there.")
+    ],
+    method: Annotated[str, typer.Option(help="exact, lsq or profile.")] = "exact",
+    facts: Annotated[
+        bool,
+        typer.Option("--facts/--no-facts", help="Look for slips, effects and lack of fit in each group."),
+    ] = True,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="Processes; the results do not depend on them.", min=1)
+    ] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished campaign.")] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Replace an earlier campaign in DIR; without --resume an unfinished one, too."
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Constants of thousands of groups of impacts, and of the population they are drawn from."""
+    from ifrfit.campaign.report.folder import CAMPAIGN, write_campaign
+    from ifrfit.campaign.report.text import summary
+    from ifrfit.campaign.run import run_campaign
+    from ifrfit.report.atomic_folder import check_free
+
+    if question.pop("scene") is not None:
+        raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
+    check_free(out, force=force, of=CAMPAIGN)
+    columns = [name.strip() for name in by.split(",") if name.strip()]
+    try:
+        with working(quiet, "reading", of="groups") as progress:
+            found, written = run_campaign(
+                question.pop("data"),
+                columns,
+                out,
+                lambda done: write_campaign(done, out, force=force),
+                method=method,
+                facts=facts,
+                workers=workers,
+                resume=resume,
+                force=force,
+                command=command_line(),
+                progress=progress,
+                **question,
+            )
+    except KeyboardInterrupt:
+        typer.echo("ifrfit: interrupted. What was found is kept: --resume goes on.", err=True)
+        raise typer.Exit(130) from None
+    if not quiet:
+        say(summary(found), out, written)

@@ -1,0 +1,244 @@
+"""Tables of many files as groups: the rows that share the text of some columns."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.cell_table import CellColumn, Cells
+from ifrfit.data.column_names import role_of
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.readers import read_table
+from ifrfit.errors import DataError, UsageError
+from ifrfit.text import joined
+
+FILE = "file"  # stands for the name of the file among the columns that groups are formed by
+_SUFFIXES = (".csv", ".tsv", ".parquet")
+
+
+@dataclass(frozen=True)
+class Group:
+    """The rows that share a key.
+
+    Attributes
+    ----------
+    key : tuple of str
+        Text of each column that groups are formed by.
+    tables : tuple of Cells
+        Its rows of each file that holds some.
+    trouble : str
+        Why it is not whole; empty where it is.
+    """
+
+    key: tuple[str, ...]
+    tables: tuple[Cells, ...]
+    trouble: str = ""
+
+    @property
+    def rows(self) -> int:
+        """How many rows of the files it has."""
+        return sum(map(len, self.tables))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the files, without their folders."""
+        return tuple(table.name for table in self.tables)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what its cells say, and where they stand."""
+        found = hashlib.sha256()
+        for table in self.tables:
+            for part in (table.name, table.headers, table.lines.tolist(), table.decimal_commas):
+                found.update(repr(part).encode())
+            for column in table.columns:
+                found.update(repr(column if isinstance(column, DataError) else list(column)).encode())
+        return found.hexdigest()
+
+
+@dataclass(frozen=True)
+class RefusedFile:
+    """A file without groups, and why."""
+
+    name: str
+    reason: str
+
+
+def table_files(paths: Sequence[Path]) -> list[Path]:
+    """The files named, and those of the folders named, with their folders, in the order of their names.
+
+    Raises
+    ------
+    DataError
+        A path does not exist, or there is no CSV, TSV or Parquet file in a folder.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(
+                each
+                for each in path.rglob("*")
+                if each.suffix.lower() in _SUFFIXES
+                and each.is_file()
+                and not any(part.startswith((".", "_")) for part in each.relative_to(path).parts)
+            )
+            if not inside:
+                raise DataError(f"{path}: there is no CSV, TSV or Parquet file in this folder.")
+            found += inside
+        elif path.exists():
+            found.append(path)
+        else:
+            raise DataError(f"{path}: there is no such file or folder. Check the name.")
+    return list(dict.fromkeys(found))
+
+
+@dataclass(frozen=True)
+class GroupedFiles:
+    """Files whose rows are put into groups.
+
+    Attributes
+    ----------
+    files : tuple of Path
+    by : tuple of str
+        Columns as they are called in the files; a folder ``NAME=VALUE`` is a column, too, and `FILE` stands
+        for the name of the file.
+    conventions : Conventions
+    """
+
+    files: tuple[Path, ...]
+    by: tuple[str, ...]
+    conventions: Conventions
+
+    def __post_init__(self) -> None:
+        twice = [name for name, count in Counter(self.by).items() if count > 1]
+        if not self.by or twice:
+            said = f"{twice[0]} is given twice" if twice else "name a column"
+            raise UsageError(f"--by: {said}, as --by material,wall.")
+
+    @property
+    def is_by_file(self) -> bool:
+        """Whether no group can have rows of two files."""
+        return len(self.files) == 1 or (
+            FILE in self.by and len({path.name for path in self.files}) == len(self.files)
+        )
+
+    def groups(self) -> Iterator[Group | RefusedFile]:
+        """Each group when the last of its files was read, and each file that is refused.
+
+        A group of several files waits for them: files are read twice then, once for the keys alone.
+
+        Raises
+        ------
+        UsageError
+            No file has the columns.
+        """
+        last: dict[tuple[str, ...], int] = {}
+        hashes: dict[Path, str] = {}
+        if not self.is_by_file:
+            for number, path in enumerate(self.files):
+                try:
+                    cells = read_table(path, self.conventions)
+                    hashes[path] = cells.sha256
+                    last |= dict.fromkeys(self._rows_by_key(cells, path), number)
+                except DataError:
+                    continue  # it is refused when its turn comes
+        yield from self._read(last, hashes)
+
+    def _read(
+        self, last: dict[tuple[str, ...], int], hashes: dict[Path, str]
+    ) -> Iterator[Group | RefusedFile]:
+        waiting: dict[tuple[str, ...], Group] = {}
+        refused: list[RefusedFile] = []
+        without: list[str] = []
+        for number, path in enumerate(self.files):
+            try:
+                cells = read_table(path, self.conventions)
+                trouble = "" if hashes.get(path, cells.sha256) == cells.sha256 else _CHANGED
+                keyed = self._rows_by_key(cells, path)
+            except DataError as error:
+                if isinstance(error, _ColumnMissingError):
+                    without.append(str(error))
+                refused.append(RefusedFile(path.name, str(error)))
+                keyed, cells = {}, None
+            if len(without) == len(self.files):
+                raise UsageError(without[0])
+            if keyed:
+                yield from refused
+                refused = []
+            whole = None if cells is None else _unpacked(cells)
+            for key, rows in keyed.items():
+                assert whole is not None
+                own = _rows_of(whole, rows)
+                before = waiting.get(key, Group(key, ()))
+                waiting[key] = replace(
+                    before,
+                    tables=(*before.tables, own),
+                    trouble=before.trouble or (f"{path}: {_CHANGED}" if trouble else ""),
+                )
+            over = [key for key in waiting if last.get(key, number) <= number]
+            for key in over:
+                yield waiting.pop(key)
+        yield from refused
+
+    def _rows_by_key(self, cells: Cells, path: Path) -> dict[tuple[str, ...], NDArray[np.intp]]:
+        """Rows of each key, in the order in which the keys first occur."""
+        folders = dict(part.split("=", 1) for part in path.parts[:-1] if part.count("=") == 1)
+        columns: list[list[str]] = []
+        for name in self.by:
+            if name in cells.headers:
+                columns.append(cells.texts(cells.headers.index(name)))
+            elif name == FILE:
+                columns.append([path.stem] * len(cells))
+            elif name in folders:
+                columns.append([folders[name]] * len(cells))
+            else:
+                raise _ColumnMissingError(
+                    f"--by {name}: {path} has no such column. It has {joined(cells.headers)}; {FILE} stands "
+                    "for the name of the file."
+                )
+        places: dict[tuple[str, ...], list[int]] = {}
+        for row, key in enumerate(zip(*columns, strict=True)):
+            places.setdefault(key, []).append(row)
+        return {key: np.array(rows, dtype=np.intp) for key, rows in places.items()}
+
+    def conventions_of(self, cells: Cells) -> Conventions:
+        """The conventions, under which columns that form groups and measure nothing are passed over."""
+        named = self.conventions.headers
+        labels = tuple(
+            name
+            for name in self.by
+            if name in cells.headers and name not in named and role_of(name).kind == "unknown"
+        )
+        return replace(self.conventions, ignored=(*self.conventions.ignored, *labels))
+
+
+class _ColumnMissingError(DataError):
+    """A file lacks a column that groups are formed by."""
+
+
+_CHANGED = "the file was changed while it was read. Run the command again."
+
+
+def _unpacked(cells: Cells) -> Cells:
+    """The same with cells that can be picked one by one: `TextColumn` would unpack them each time."""
+    columns = [c if isinstance(c, DataError | np.ndarray) else list(c) for c in cells.columns]
+    return replace(cells, columns=columns)
+
+
+def _rows_of(cells: Cells, rows: NDArray[np.intp]) -> Cells:
+    """Some rows of a table."""
+    if rows.size == len(cells):
+        return cells
+
+    def some(column: CellColumn | DataError) -> CellColumn | DataError:
+        if isinstance(column, DataError):
+            return column
+        return column[rows] if isinstance(column, np.ndarray) else [column[row] for row in rows.tolist()]
+
+    return replace(cells, lines=cells.lines[rows], columns=[some(column) for column in cells.columns])

@@ -1,0 +1,105 @@
+"""Rows of many files as groups."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
+from ifrfit.errors import DataError, UsageError
+
+PLAIN = parse_conventions(())
+
+
+def grouped(paths, *by):
+    return GroupedFiles(tuple(table_files(paths)), by, PLAIN)
+
+
+def write(path, *lines, header="wall,gamma_deg,beta"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_group_waits_for_all_its_files(tmp_path):
+    write(tmp_path / "a.csv", "steel,10,0.1", "glass,20,0.2", "steel,30,0.3")
+    write(tmp_path / "b.csv", "steel,40,0.4", "wood,50,0.5")
+    found = list(grouped([tmp_path], "wall").groups())
+    assert [group.key for group in found] == [("glass",), ("steel",), ("wood",)]
+    steel = found[1]
+    assert steel.files == ("a.csv", "b.csv")
+    assert [table.lines.tolist() for table in steel.tables] == [[2, 4], [2]]
+    assert [table.texts(2) for table in steel.tables] == [["0.1", "0.3"], ["0.4"]]
+    assert steel.rows == 3
+
+
+def test_columns_may_be_folders_and_the_file(tmp_path):
+    for wall in ("steel", "glass"):
+        for name in ("1", "2"):
+            write(tmp_path / f"wall={wall}" / f"{name}.csv", "10,0.1", header="gamma_deg,beta")
+    keys = [group.key for group in grouped([tmp_path], "wall", "file").groups()]
+    assert keys == [("glass", "1"), ("glass", "2"), ("steel", "1"), ("steel", "2")]
+
+
+def test_parquet_numbers_are_keys_as_text(tmp_path):
+    table = pd.DataFrame({"run": [1, 1, 2], "gamma_deg": [10.0, 20.0, 30.0], "beta": [0.1, 0.2, 0.3]})
+    table.to_parquet(tmp_path / "a.parquet")
+    found = list(grouped([tmp_path / "a.parquet"], "run").groups())
+    assert [group.key for group in found] == [("1",), ("2",)]
+    np.testing.assert_array_equal(found[0].tables[0].numbers(1), [10.0, 20.0])
+
+
+def test_a_file_that_cannot_be_read_takes_nothing_from_the_others(tmp_path):
+    write(tmp_path / "a.csv", "steel,10,0.1")
+    (tmp_path / "b.parquet").write_bytes(b"PAR1 and no more")
+    write(tmp_path / "c.csv", "10,0.1", header="gamma_deg,beta")
+    found = list(grouped([tmp_path], "wall").groups())
+    refused = [each for each in found if isinstance(each, RefusedFile)]
+    assert [each.name for each in refused] == ["b.parquet", "c.csv"]
+    assert "no such column" in refused[1].reason
+    assert [each.key for each in found if isinstance(each, Group)] == [("steel",)]
+
+
+def test_a_file_that_changes_while_it_is_read_is_told(tmp_path, monkeypatch):
+    write(tmp_path / "a.csv", "steel,10,0.1")
+    changing = write(tmp_path / "b.csv", "steel,20,0.2", "wood,30,0.3")
+    groups = grouped([tmp_path], "wall")
+    reads = GroupedFiles._read
+
+    def after_a_change(self, *state):
+        write(changing, "steel,21,0.2", "wood,30,0.3")
+        return reads(self, *state)
+
+    monkeypatch.setattr(GroupedFiles, "_read", after_a_change)
+    found = {group.key: group.trouble for group in groups.groups()}
+    assert all("changed while it was read" in found[key,] for key in ("steel", "wood"))
+
+
+def test_the_digest_follows_what_is_read(tmp_path):
+    path = write(tmp_path / "a.csv", "steel,10,0.1", "glass,20,0.2")
+    before = {group.key: group.digest for group in grouped([path], "wall").groups()}
+    write(path, "steel,10,0.1", "glass,20,0.3")
+    after = {group.key: group.digest for group in grouped([path], "wall").groups()}
+    assert before["steel",] == after["steel",]
+    assert before["glass",] != after["glass",]
+
+
+@pytest.mark.parametrize("by", [(), ("wall", "wall")])
+def test_columns_are_named_once(tmp_path, by):
+    with pytest.raises(UsageError, match="--by"):
+        grouped([write(tmp_path / "a.csv", "steel,10,0.1")], *by)
+
+
+def test_a_column_that_no_file_has(tmp_path):
+    path = write(tmp_path / "a.csv", "steel,10,0.1")
+    with pytest.raises(UsageError, match=r"--by wal: .* wall, gamma_deg and beta"):
+        list(grouped([path], "wal").groups())
+
+
+def test_nothing_to_read(tmp_path):
+    with pytest.raises(DataError, match="no CSV"):
+        table_files([tmp_path])
+    with pytest.raises(DataError, match="no such file"):
+        table_files([tmp_path / "a.csv"])
