@@ -72,6 +72,11 @@ def double_counted(
     return double, _notes(table, names, labels, double)
 
 
+def measurements_of(name: str) -> frozenset[str]:
+    """Which measurements of its impact an observable takes up."""
+    return frozenset(OBSERVABLES[name].takes)
+
+
 def _bits_of(name: str) -> int:
     """Which measurements an observable takes up, as bits."""
     return sum(_BIT[slot] for slot in OBSERVABLES[name].takes)

@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ifrfit.data import Observations, combine, resolve, select
+from ifrfit.data.catalogue import dataset_names
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.stream import ImpactStream, NotStreamableError, is_stream
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
@@ -109,6 +112,11 @@ def fit(
     chosen = model_of(model, keywords)
     estimator = estimator_of(method)
     closure = get_closure(chosen.closure)
+    streamed = _streamed(
+        data, chosen, closure, noise_of(noise), estimator, seed, scene, command, progress, keywords
+    )
+    if streamed is not None:
+        return streamed
     question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
@@ -123,6 +131,62 @@ def fit(
         progress=progress,
         started=started,
     )
+
+
+def _streamed(
+    data: Data | Sequence[Data],
+    model: Model,
+    closure: Closure,
+    noise: Noise,
+    estimator: Estimator,
+    seed: int,
+    scene: str | Path | None,
+    command: str,
+    progress: Progress | None,
+    keywords: Mapping[str, Any],
+) -> FitResult | None:
+    """The fit of data that are not held in memory; None for all others."""
+    parts = [data] if isinstance(data, str | Path | Observations) else list(data)
+    if len(parts) != 1 or isinstance(parts[0], Observations) or str(parts[0]) in dataset_names():
+        return None
+    path = Path(parts[0])
+    if not is_stream(path):
+        return None
+    from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
+
+    inertia = SOLID if model.inertia_factor is None else model.inertia_factor
+    selection = selection_of(keywords)
+    stream = ImpactStream(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
+
+    assumed = (f"closure {closure.title}",) if model.closure == Model.closure else ()
+    if model.inertia_factor is None:
+        assumed = (*assumed, f"inertia factor {inertia:g} (solid sphere)")
+
+    def of_sample(observations: Observations) -> FitResult:
+        return fit(observations, model, noise=noise, method="lsq", seed=seed)
+
+    try:
+        if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
+            raise NotStreamableError(
+                f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
+            )
+        return fit_stream(
+            stream,
+            closure,
+            model.parameters(inertia),
+            noise.policy,
+            estimator,
+            of_sample,
+            separate_noise=bool(model.separate),
+            assumed=assumed,
+            seed=seed,
+            command=command,
+            progress=progress,
+        )
+    except NotStreamableError:
+        if path.is_dir() or path.name.lower().endswith((".gz", ".zst")):
+            raise
+        return None  # a file can be held in memory, if need be
 
 
 @dataclass(frozen=True)

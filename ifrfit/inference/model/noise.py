@@ -48,12 +48,30 @@ class NoiseModel:
         Ends of the log-uniform prior of a group's noise, where they are chosen; see `bounds` for the others.
     separate : bool
         Whether an unknown noise is one of each series.
+    scale : ndarray, (n,), optional
+        Standard uncertainty of each row over that of one measurement, where rows stand for several; else 1.
+    counts : ndarray, (n,), optional
+        How many measurements each row stands for; else 1.
     """
 
     policy: Policy
     sigma: Array
     prior_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     separate: bool = False
+    scale: Array | None = None
+    counts: Array | None = None
+
+    def count(self, rows: Index) -> float:
+        """How many measurements some rows stand for."""
+        return float(rows.size if self.counts is None else self.counts[rows].sum())
+
+    def per_measurement(self, sigma: Array, rows: Index) -> float:
+        """Root mean square over measurements of the uncertainty of one, given that of each row."""
+        square = sigma[rows] ** 2
+        if self.scale is not None:
+            square = square / self.scale[rows] ** 2
+        weight = None if self.counts is None else self.counts[rows]
+        return float(np.sqrt(square.mean() if weight is None else np.average(square, weights=weight)))
 
     @property
     def is_known(self) -> bool:
@@ -88,9 +106,10 @@ class NoiseModel:
     @cached_property
     def base(self) -> Array:
         """Standard uncertainty of each row up to the noise of its group, (n,): 1 where that is unknown."""
+        one = np.ones(self.sigma.size) if self.scale is None else self.scale
         if self.is_mixed:
-            return np.where(self.is_given, self.sigma, 1.0)
-        return np.ones(self.sigma.size) if self.is_unknown else self.sigma
+            return np.where(self.is_given, self.sigma, one)
+        return one if self.is_unknown else self.sigma
 
     def groups(self, measured: Mapping[str, Index], n_series: int) -> Mapping[str, Index]:
         """Rows of each group with an unknown noise, by its name; empty where sigma is known.
@@ -158,7 +177,8 @@ class NoiseModel:
 
     def take(self, rows: Index) -> NoiseModel:
         """The same for some rows."""
-        taken = replace(self, sigma=self.sigma[rows])
+        scale, counts = (None if x is None else x[rows] for x in (self.scale, self.counts))
+        taken = replace(self, sigma=self.sigma[rows], scale=scale, counts=counts)
         return taken if not self.is_mixed else replace(taken, policy=_policy_of(taken.sigma))
 
 

@@ -260,7 +260,8 @@ def _with_plain_errors(
         optimum = solve(problem, sigma, start)
     if is_provisional or change > settled:
         gaussian = expanded(sigma, optimum.theta)
-    dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
+    count = problem.noise.count
+    dof = sum(count(rows) - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     rivals: tuple[tuple[float, Array], ...] = ()
     if modes is None:
         optimum = replace(optimum, gap=None)
@@ -357,24 +358,28 @@ def _factors(
     factor = np.ones(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])
-        dof = rows.size - float(gaussian.leverage[rows].sum())
+        count = problem.noise.count(rows)
+        dof = count - float(gaussian.leverage[rows].sum())
         # a misfit of nothing but rounding says nothing of the noise
-        if dof < 0.5 or square <= problem.rounding_variance(rows) * rows.size:
+        if dof < 0.5 or square <= problem.rounding_variance(rows) * count:
             raise DataError(needs_sigma(problem, name, rows))
         factor[rows] = math.sqrt(square / dof)
     return factor
 
 
 def group_sigma(problem: Problem, sigma: Array) -> dict[str, float]:
-    """Root mean square of sigma in each "series/observable"."""
-    return {name: float(np.sqrt((sigma[rows] ** 2).mean())) for name, rows in problem.groups().items()}
+    """Root mean square of sigma in each "series/observable", of one measurement."""
+    return {name: problem.noise.per_measurement(sigma, rows) for name, rows in problem.groups().items()}
 
 
 def group_dof(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Degrees of freedom that each unknown noise keeps: its rows less their leverage, (groups,)."""
     leverage = fit.gaussian.leverage
     return np.array(
-        [max(rows.size - float(leverage[rows].sum()), 0.5) for rows in problem.noise_groups().values()]
+        [
+            max(problem.noise.count(rows) - float(leverage[rows].sum()), 0.5)
+            for rows in problem.noise_groups().values()
+        ]
     )
 
 

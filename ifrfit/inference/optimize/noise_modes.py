@@ -238,7 +238,7 @@ def noise_at_mode(problem: Problem, theta: Array, rise: float) -> NoiseAtMode:
     for _ in range(_DEGREES_OF_FREEDOM):
         sigma = search.sigma(squares / dof)
         leverage = gaussian_approximation(problem, sigma, theta).leverage
-        new = np.array([max(rows.size - float(leverage[rows].sum()), 0.5) for rows in search.groups])
+        new = np.maximum(search.sizes - [float(leverage[rows].sum()) for rows in search.groups], 0.5)
         change = float(np.abs(new / dof - 1.0).max())
         dof = new
         if change <= _LAST_CHANGE:
@@ -270,7 +270,7 @@ class _Search:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.groups: Sequence[Index] = list(problem.noise_groups().values())
-        self.sizes = np.array([float(rows.size) for rows in self.groups])
+        self.sizes = np.array([problem.noise.count(rows) for rows in self.groups])
         self.base = problem.noise.base
         self.known = np.flatnonzero(problem.noise.is_given)
         self.modes: list[Mode] = []
@@ -473,7 +473,7 @@ class _Search:
         for number, rows in enumerate(self.groups):
             alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
-            found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
+            found[number] = max((alone.objective - (alone.gap or 0.0)) / self.sizes[number], self._least)
         return found
 
     def _top(self, low: Array) -> Array:

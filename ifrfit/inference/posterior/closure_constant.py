@@ -136,7 +136,7 @@ def conditional_coordinate(
 
 def _conditional_mode(
     series: SeriesIntegral, c: FreeParameter, given: ConditioningValues, domain: tuple[Array, Array]
-) -> tuple[Array, Array, Array, int]:
+) -> tuple[Array, Array, Array, float]:
     """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
     squares, noise = series.squares, series.noise
     weight: list[Array | float] = [1.0 / s**2 for s in series.sigma]
@@ -146,7 +146,7 @@ def _conditional_mode(
     mean = c.prior[0] - reference if c.prior else 0.0
     d = np.zeros((1, 1, 1))
     factor = 1.0 if given.noise is None else 1.0 / given.noise**2
-    count = 0  # rows behind the noises that widen the tails
+    count = 0.0  # rows behind the noises that widen the tails
     for number, group in enumerate(noise or ()):
         takes_part = np.ndim(given.squares[number].slope) > 0 or squares.curved_rows[number].size > 0
         count += group.n if takes_part and isinstance(group, NoiseScale) else 0

@@ -162,7 +162,7 @@ class ConstantsDensity:
         """The noises that are integrated out, by the name of their group."""
         bounds = self.problem.noise_bounds()
         return {
-            name: NoiseScale(rows.size, *bounds[name])
+            name: NoiseScale(self.problem.noise.count(rows), *bounds[name])
             for name, rows in self.problem.noise_groups().items()
             if name not in self.sampled_noises
         }
@@ -212,7 +212,8 @@ class ConstantsDensity:
                 found.append(square)
                 continue
             log_sigma = values[:, self.free + self.sampled_noises.index(name)]
-            total = total - 0.5 * square * np.exp(-2.0 * log_sigma) - rows.size * (log_sigma + _HALF_LOG_2PI)
+            count = self.problem.noise.count(rows)
+            total = total - 0.5 * square * np.exp(-2.0 * log_sigma) - count * (log_sigma + _HALF_LOG_2PI)
         total = total - float(np.log(self.problem.noise.base).sum())
         total = total - 0.5 * squares[:, -1] - self._known.size * _HALF_LOG_2PI
         integrated = np.array(found).reshape(len(found), values.shape[0]).T

@@ -6,7 +6,6 @@ kinks: section 5 of ``docs/theory/posterior.md``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -112,9 +111,10 @@ def _noise(
         of_rows = [(name, place[group]) for name, group in settings.groups.items()]
         of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
-        noise: list[Scale] = [NoiseScale(group.size, *settings.bounds[name]) for name, group in of_rows]
+        count = problem.noise.count
+        noise: list[Scale] = [NoiseScale(count(at[group]), *settings.bounds[name]) for name, group in of_rows]
         groups = [group for _, group in of_rows]
-        likely = [math.sqrt(float((start.sigma[settings.groups[n]] ** 2).mean())) for n in names]
+        likely = [problem.noise.per_measurement(start.sigma, settings.groups[n]) for n in names]
         known = np.flatnonzero(problem.noise.is_given[at])
         if known.size and not names:
             return (), [known], None, 1.0 / problem.noise.base[at], np.ones(1)
@@ -131,7 +131,7 @@ def _noise(
     if problem.noise.is_known:
         return (), everything, None, weight, np.ones(1)
     if holds_all_rows:
-        return ("",), everything, (NoiseScale(at.size, *settings.bounds[""]),), weight, factor
+        return ("",), everything, (NoiseScale(problem.noise.count(at), *settings.bounds[""]),), weight, factor
     return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 

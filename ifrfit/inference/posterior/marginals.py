@@ -339,7 +339,7 @@ def _edges(own: NoiseScale, least: float, most: float) -> Array:
     return edges[(edges >= start) & (edges <= end)]
 
 
-def _compressed(square: Array, weight: Array, n: int, negligible: float) -> tuple[Array, Array]:
+def _compressed(square: Array, weight: Array, n: float, negligible: float) -> tuple[Array, Array]:
     """A discrete law of sums of squares, probabilities (2, m), with the same moments on a few nodes.
 
     What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared

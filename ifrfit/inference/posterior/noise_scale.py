@@ -23,7 +23,7 @@ _LOG_2PI = math.log(2.0 * math.pi)
 class NoiseScale:
     """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds, eq. (5)."""
 
-    n: int
+    n: float
     lower: float
     upper: float
 

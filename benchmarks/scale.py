@@ -1,0 +1,150 @@
+"""Least squares and the exact posterior of more impacts than one would hold in memory, beside others' ways.
+
+    python benchmarks/scale.py 1e6 1e7
+
+Writes Parquet (and CSV of the first size) and measures in one run, each in a process of its own: reading the
+columns with pyarrow; the sums from memory; the whole fit; pandas and lmfit; scipy on the full arrays. CPU
+seconds and peak memory, as a table in Markdown; ratios are what it is about.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+_READ = """
+import pyarrow.parquet as pq
+pq.read_table(PATH, columns=["gamma_deg", "beta", "e_n", "sigma_beta", "sigma_e_n"], use_threads=False)
+"""
+_SUMS = """
+import numpy as np
+from ifrfit.inference.sufficient_statistics.moments import Moments, bin_of, middles
+n = 5_000_000
+rng = np.random.default_rng(0)
+slip, cosine = rng.uniform(0.01, 1.0, n), rng.uniform(0.01, 1.0, n)
+place = bin_of(slip, cosine, 2048)
+group, w, s, r = np.zeros(n, dtype=np.intp), np.ones(n), np.ones(n), rng.normal(size=n)
+x = cosine / slip - middles(2048)[place]
+made = Moments.nothing(1, 2048)
+made.add(group[:2], place[:2], w[:2], s[:2], r[:2], x[:2])
+STARTED()
+made.add(group, place, w, s, r, x)
+"""
+_FIT = """
+import ifrfit
+STARTED()
+found = ifrfit.fit(PATH, method=METHOD)
+"""
+_SUMMARY = _FIT + "found.summary()\n"
+_LMFIT = """
+import lmfit, numpy as np, pandas as pd
+from ifrfit.physics import OBSERVABLES, rebound
+table = pd.read_parquet(PATH)
+gamma = table["gamma_deg"].to_numpy()
+def residual(p):
+    state = rebound(gamma, degrees=True, e_n=p["e_n"].value, e_t=p["e_t"].value, mu=p["mu"].value)
+    beta = OBSERVABLES["beta"].value(state, np.asarray(p["mu"].value))
+    beta = (table["beta"] - beta) / table["sigma_beta"]
+    return np.concatenate((beta, (table["e_n"] - p["e_n"].value) / table["sigma_e_n"]))
+start = lmfit.create_params(e_n=dict(value=0.8, min=0, max=1), e_t=dict(value=-0.6, min=-1, max=-0.4), mu=0.2)
+lmfit.minimize(residual, start)
+"""
+_SCIPY = """
+import numpy as np, pyarrow.parquet as pq
+from scipy.optimize import least_squares
+t = pq.read_table(PATH)
+gamma, beta, e, sb, se = (t[c].to_numpy() for c in ("gamma_deg", "beta", "e_n", "sigma_beta", "sigma_e_n"))
+tau = np.tan(np.radians(gamma))
+def residual(p):
+    stick, slide = -p[1], 3.5 * p[2] * (1 + p[0]) / tau - 1
+    return np.concatenate(((beta - np.minimum(stick, slide)) / sb, (e - p[0]) / se))
+least_squares(residual, (0.8, -0.6, 0.2))
+"""
+_MADE = """
+import numpy as np, pandas as pd
+from ifrfit.physics import OBSERVABLES, rebound
+rng = np.random.default_rng(0)
+import pyarrow as pa, pyarrow.parquet as pq
+writer = None
+for first in range(0, N, 1_000_000):
+    n = min(1_000_000, N - first)
+    gamma = rng.uniform(1.0, 85.0, n)
+    state = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.7, mu=0.15)
+    table = pa.table({
+        "gamma_deg": gamma,
+        "beta": OBSERVABLES["beta"].value(state, np.asarray(0.15)) + 0.03 * rng.standard_normal(n),
+        "e_n": 0.9 + 0.03 * rng.standard_normal(n),
+        "sigma_beta": np.full(n, 0.03), "sigma_e_n": np.full(n, 0.03)})
+    writer = writer or pq.ParquetWriter(PATH, table.schema)
+    writer.write_table(table)
+writer.close()
+"""
+_FRAME = """
+import json, resource, sys, time
+N, PATH, METHOD = json.loads(sys.argv[1])
+begun = [0.0]
+def STARTED():
+    begun[0] = time.process_time()
+{body}
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+print(json.dumps([time.process_time() - begun[0], peak]))
+"""
+
+
+def run(body: str, n: int, path: Path, method: str = "") -> tuple[float, float]:
+    """CPU seconds, from `STARTED` on where it is called, and peak memory in GiB."""
+    script = _FRAME.format(body=body)
+    done = subprocess.run(
+        [sys.executable, "-c", script, json.dumps([n, str(path), method])],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    seconds, memory = json.loads(done.stdout.splitlines()[-1])
+    return seconds, memory
+
+
+def main() -> None:
+    """Measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sizes", nargs="*", default=["1e6", "1e7"])
+    given = parser.parse_args()
+    print("| impacts | | CPU s | peak GiB |\n|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        seconds, _ = run(_SUMS, 0, Path(folder))
+        rate = 5.0 / seconds
+        print(f"| 5e6 values | the sums, from memory: {rate:.0f} million a second | {seconds:.3f} | |")
+        for number, size in enumerate(given.sizes):
+            n, path = int(float(size)), Path(folder) / f"{size}.parquet"
+            run(_MADE, n, path)
+            rows = [
+                ("reading the columns with pyarrow, start included", _READ, ""),
+                ("whole fit, least squares", _FIT, "lsq"),
+                ("whole fit, exact", _FIT, "exact"),
+                ("the same with all facts and the summary", _SUMMARY, "exact"),
+            ]
+            if n <= 1_000_000:
+                rows += [
+                    ("pandas and lmfit, file included", _LMFIT, ""),
+                    ("scipy, file included", _SCIPY, ""),
+                ]
+            for what, body, method in rows:
+                seconds, memory = run(body, n, path, method)
+                print(f"| {size} | {what} | {seconds:.2f} | {memory:.2f} |", flush=True)
+            if number == 0:
+                import pyarrow.csv
+                import pyarrow.parquet as pq
+
+                text = path.with_suffix(".csv")
+                pyarrow.csv.write_csv(pq.read_table(path), text)
+                seconds, memory = run(_FIT, n, text, "exact")
+                print(f"| {size} | whole fit, exact, from CSV | {seconds:.2f} | {memory:.2f} |", flush=True)
+            path.unlink()
+
+
+if __name__ == "__main__":
+    main()

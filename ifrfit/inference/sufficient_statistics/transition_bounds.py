@@ -1,0 +1,97 @@
+"""What a transition within an interval costs at least: a proof from the sums alone.
+
+A transition in interval j leaves the impacts below it sticking and those above it sliding. Their misfits are
+quadratics, each of which has a least value over all constants. The impacts of the interval itself have an
+impulse factor that differs from that of sticking by b (1 - tau_lo/tau_hi) at most, where b is the largest
+difference between sticking and sliding that the closure's domain allows, so that by the triangle inequality
+
+    Q >= min Q_stick(below) + min Q_slide(above)
+         + max(0, sqrt(min Q_stick(j)) - b (1 - tau_lo/tau_hi) sqrt(W_j))^2
+
+with W_j the sum of w s^2 there (docs/theory/sufficient-statistics.md, eq. 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.sufficient_statistics.moments import (
+    S_1,
+    S_X,
+    S_XX,
+    S_Z,
+    S_ZX,
+    S_ZZ,
+    N,
+    about_zero,
+    edges,
+)
+from ifrfit.physics.impulse_laws import Coefficients
+
+Array = NDArray[np.float64]
+
+
+def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Array:
+    """Lower bound of the misfit of one group's impacts with the transition in each interval, (bins,).
+
+    Parameters
+    ----------
+    sums : ndarray, (bins, 7)
+        Of all impacts of the group.
+    law : Coefficients
+    domain : (float, float)
+        Of the closure constant; equal where it is fixed.
+    """
+    sums = about_zero(sums)
+    upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
+    below, above = upto[:-1], upto[-1] - upto[1:]
+    constants = np.array(domain)
+    b = float(np.max(np.abs(law.b0 + law.b1 * constants)))
+    tau = edges(sums.shape[0])
+    with np.errstate(invalid="ignore"):
+        width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)
+    within = np.sqrt(_sticking(sums, law, domain)) - b * width * np.sqrt(sums[:, S_1])
+    outside = _sticking(below, law, domain) + _sliding(above, law, domain)
+    return np.asarray(outside + np.maximum(within, 0.0) ** 2)
+
+
+def least_direct(sums: Array) -> float:
+    """Least misfit of values that are one constant times their slope."""
+    total = sums.sum(axis=0)
+    if not total[S_1] > 0.0:
+        return float(total[S_ZZ])
+    return float(max(total[S_ZZ] - total[S_Z] ** 2 / total[S_1], 0.0))
+
+
+def _sticking(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Array:
+    """Least misfit where all stick: z = A + B c."""
+    if law.a1 + law.b1 == 0.0 or domain[0] == domain[1]:
+        k = law.a0 + law.b0 + (law.a1 + law.b1) * domain[0]
+        left = sums[:, S_ZZ] - 2.0 * k * sums[:, S_Z] + k * k * sums[:, S_1]
+    else:
+        left = sums[:, S_ZZ] - _over(sums[:, S_Z] ** 2, sums[:, S_1])
+    return _kept(left, sums)
+
+
+def _sliding(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Array:
+    """Least misfit where all slide: z = a0 + a1 c + kappa x, kappa free."""
+    if law.a1 == 0.0 or domain[0] == domain[1]:
+        k = law.a0 + law.a1 * domain[0]
+        left = sums[:, S_ZZ] - 2.0 * k * sums[:, S_Z] + k * k * sums[:, S_1]
+        along = sums[:, S_ZX] - k * sums[:, S_X]
+        return _kept(left - _over(along**2, sums[:, S_XX]), sums)
+    spread = sums[:, S_XX] - _over(sums[:, S_X] ** 2, sums[:, S_1])
+    along = sums[:, S_ZX] - _over(sums[:, S_X] * sums[:, S_Z], sums[:, S_1])
+    left = sums[:, S_ZZ] - _over(sums[:, S_Z] ** 2, sums[:, S_1])
+    return _kept(left - np.where(spread > 1e-12 * sums[:, S_XX], _over(along**2, spread), left), sums)
+
+
+def _over(a: Array, b: Array) -> Array:
+    return np.asarray(np.divide(a, b, out=np.zeros_like(a), where=b > 0.0))
+
+
+def _kept(left: Array, sums: Array) -> Array:
+    """What cancellation may leave is not counted: a bound from below."""
+    rounding = 1e-12 * sums[:, S_ZZ]
+    return np.where(sums[:, N] > 0.0, np.maximum(left - rounding, 0.0), 0.0)

@@ -1,0 +1,131 @@
+"""Sums that know no order, rows that stand for them, and bounds that are bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
+from ifrfit.inference.sufficient_statistics.moments import (
+    SUMS,
+    Moments,
+    bin_of,
+    edges,
+    middles,
+)
+from ifrfit.inference.sufficient_statistics.transition_bounds import least_misfit
+from ifrfit.physics import OBSERVABLES, get_closure
+from ifrfit.physics.angles import Incidence
+
+pytest.importorskip("numba")
+BINS = 16
+
+
+def rows_of(seed, n):
+    rng = np.random.default_rng(seed)
+    slip, cosine = rng.uniform(0.01, 3.0, n), rng.uniform(0.01, 1.0, n)
+    w = np.exp(rng.normal(0.0, 3.0, n))
+    s, r = rng.normal(0.0, 1.0, n), rng.normal(0.0, 10.0, n)
+    return rng.integers(2, size=n).astype(np.intp), bin_of(slip, cosine, BINS), w, s, r, cosine / slip
+
+
+def sums_of(rows, at=slice(None)):
+    made = Moments.nothing(2, BINS)
+    made.add(*(part[at] for part in rows))
+    return made
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 400), st.integers(1, 7))
+def test_parts_and_their_order_change_no_bit(seed, n, parts):
+    rows = rows_of(seed, n)
+    whole = sums_of(rows)
+    rng = np.random.default_rng(seed + 1)
+    pieces = [sums_of(rows, at) for at in np.array_split(rng.permutation(n), parts)]
+    for order in (rng.permutation(parts), rng.permutation(parts)):
+        merged = Moments.nothing(2, BINS)
+        for number in order:
+            merged = merged.merge(pieces[number])
+        np.testing.assert_array_equal(merged.high, whole.high)
+    left = pieces[0].merge(pieces[-1])
+    right = pieces[-1].merge(pieces[0])
+    np.testing.assert_array_equal(left.high, right.high)
+
+
+def test_the_sums_are_those_of_exact_arithmetic():
+    from fractions import Fraction
+
+    rows = rows_of(3, 500)
+    whole = sums_of(rows)
+    group, place, w, s, r, _ = rows
+    for g, b in ((0, 3), (1, 5), (0, 9)):
+        here = np.flatnonzero((group == g) & (place == b))
+        terms = np.array([w[here] * r[here] * r[here], w[here] * s[here] * s[here]])
+        for term, column in zip(terms, (6, 1), strict=True):
+            exact = float(sum((Fraction(t) for t in term.tolist()), Fraction(0)))
+            assert whole.high[g, b, column] == exact
+        assert whole.high[g, b, 0] == here.size
+    assert whole.high.shape[2] == SUMS
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(0, 10_000), st.integers(1, 60), st.sampled_from(["beta", "beta_cm", "v_x", "spin_y_after"])
+)
+def test_condensed_rows_have_the_quadratics_of_all(seed, n, name):
+    rng = np.random.default_rng(seed)
+    gamma, spin = rng.uniform(0.5, 90.0, n), rng.normal(0.0, 1.0, n)
+    incidence = Incidence.of(gamma, 0.0, spin, degrees=True)
+    offset, slope = OBSERVABLES[name].linear(incidence, 0.4)
+    value, w = offset + slope * rng.normal(0.5, 1.0, n), np.exp(rng.normal(size=n))
+    slip = np.abs(incidence.slip_x)
+    x = incidence.cosine / slip
+    made = Moments.nothing(1, BINS)
+    place = bin_of(slip, incidence.cosine, BINS)
+    made.add(np.zeros(n, dtype=np.intp), place, w, slope, value - offset, x - middles(BINS)[place])
+    few = condensed_rows(made.high[0], name, 0.4)
+    assert few.count.sum() == pytest.approx(n)
+    assert (np.diff(edges(BINS)) > 0.0).all()
+    other = Incidence.of(few.gamma_deg, degrees=True)
+    base, along = OBSERVABLES[name].linear(other, 0.4)
+    for k, kappa in rng.normal(0.3, 0.5, (5, 2)):
+        for all_k, few_k in (
+            (np.full(n, k), np.full(few.value.size, k)),
+            (k + kappa * x, k + kappa / other.tau),
+        ):
+            theirs = float((w * (value - offset - slope * all_k) ** 2).sum())
+            ours = float((((few.value - base - along * few_k) / few.sigma) ** 2).sum())
+            assert ours == pytest.approx(theirs, rel=1e-7)
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr", "f"])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed):
+    rng = np.random.default_rng(seed)
+    n, bins = 300, 24
+    gamma = rng.uniform(1.0, 85.0, n)
+    incidence = Incidence.of(gamma, degrees=True)
+    law = get_closure(closure).law(0.4)
+    domain = get_closure(closure).domain(0.4)
+    offset, slope = OBSERVABLES["beta"].linear(incidence, 0.4)
+    c, kappa = rng.uniform(*domain), rng.uniform(0.05, 0.6)
+    k, _ = law.impulse(incidence, c, kappa)
+    value = offset + slope * k + 0.05 * rng.standard_normal(n)
+    made = Moments.nothing(1, bins)
+    slip = np.abs(incidence.slip_x)
+    place = bin_of(slip, incidence.cosine, bins)
+    x = incidence.cosine / slip
+    made.add(
+        np.zeros(n, dtype=np.intp), place, np.full(n, 400.0), slope, value - offset, x - middles(bins)[place]
+    )
+    bound = least_misfit(made.high[0], law, domain)
+    tau = edges(bins)
+    for _ in range(400):
+        c, t = rng.uniform(*domain), np.exp(rng.uniform(-3.0, 2.0))
+        b = law.b0 + law.b1 * c
+        k, _ = law.impulse(incidence, c, b * t)
+        misfit = float((400.0 * (value - offset - slope * k) ** 2).sum())
+        where = int(np.searchsorted(tau, t, side="right")) - 1
+        assert bound[where] <= misfit * (1.0 + 1e-9)

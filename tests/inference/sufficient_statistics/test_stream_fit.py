@@ -1,0 +1,256 @@
+"""Impacts that are not held in memory are fitted as those that are."""
+
+from __future__ import annotations
+
+import gzip
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ifrfit
+from ifrfit.data import stream as stream_module
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
+from ifrfit.physics import OBSERVABLES, rebound
+
+pytest.importorskip("numba")
+TRUTH = {"e_n": 0.9, "e_t": -0.7, "mu": 0.15}
+
+
+def impacts(n, seed=0, *, columns=("beta", "e_n"), spin=0.3, sigma=0.03, series=1, **truth):
+    """A wide table with sigma that differ, and spins."""
+    rng = np.random.default_rng(seed)
+    gamma, spin_y = rng.uniform(1.0, 88.0, n), spin * rng.standard_normal(n)
+    own = TRUTH | truth
+    state = rebound(gamma, 0.0, spin_y, degrees=True, **own)
+    table = pd.DataFrame({"gamma_deg": gamma, "spin_y": spin_y})
+    for name in columns:
+        each = sigma * np.exp(0.3 * rng.standard_normal(n))
+        values = OBSERVABLES[name].value(state, np.asarray(own["mu"])) + np.zeros(n)
+        table[name] = values + each * rng.standard_normal(n)
+        if name == "v_n":
+            table.loc[table[name] < 0.0, name] = np.nan  # noise beyond what can be
+        table[f"sigma_{name}"] = each
+    if series > 1:
+        table["series"] = [f"s{number}" for number in rng.integers(series, size=n)]
+    return table
+
+
+def folder_of(path, table, parts=3, suffix="csv"):
+    """The table in several files of a folder."""
+    path.mkdir()
+    for number, rows in enumerate(np.array_split(np.arange(len(table)), parts)):
+        part = table.iloc[rows]
+        if suffix == "parquet":
+            part.to_parquet(path / f"{number}.parquet", row_group_size=700)
+        elif suffix == "csv.gz":
+            with gzip.open(path / f"{number}.csv.gz", "wt", encoding="utf-8") as file:
+                part.to_csv(file, index=False)
+        else:
+            part.to_csv(path / f"{number}.csv", index=False)
+    return path
+
+
+def both(tmp_path, table, suffix="parquet", **options):
+    """The fit of a folder, and that of one file in memory."""
+    name = "all.csv" if suffix.startswith("csv") else "all.parquet"
+    if name.endswith("csv"):
+        table.to_csv(tmp_path / name, index=False)
+    else:
+        table.to_parquet(tmp_path / name)
+    streamed = ifrfit.fit(folder_of(tmp_path / "all", table, suffix=suffix), **options)
+    return streamed, ifrfit.fit(tmp_path / name, **options)
+
+
+def assert_same(streamed, held, rtol=1e-9):
+    """To the last digits, as far as these rest on sums of many numbers."""
+    for name, estimate in held.flat_constants().items():
+        own = streamed.flat_constants()[name]
+        assert own.status == estimate.status, name
+        if estimate.value is not None:
+            assert own.value == pytest.approx(estimate.value, rel=1e-12), name
+        if estimate.stderr:
+            assert own.stderr == pytest.approx(estimate.stderr, rel=rtol), name
+        np.testing.assert_allclose(own.interval95, estimate.interval95, rtol=1e-10)
+    for name in ("n", "n_sliding", "n_sticking", "dof", "rank"):
+        assert getattr(streamed.fit, name) == getattr(held.fit, name), name
+    for name in ("chi2", "p_value", "log_likelihood", "aic", "bic", "log_evidence"):
+        theirs = getattr(held.fit, name)
+        if theirs is not None and math.isfinite(theirs):
+            assert getattr(streamed.fit, name) == pytest.approx(theirs, rel=1e-9), name
+    assert streamed.facts["global_optimum"].ok == held.facts["global_optimum"].ok
+    assert dict(streamed.noise.sigma) == pytest.approx(dict(held.noise.sigma), rel=1e-9)
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("method", ["lsq", "exact"])
+def test_the_same_as_in_memory(tmp_path, method, noise):
+    assert_same(*both(tmp_path, impacts(6000), method=method, noise=noise))
+
+
+@pytest.mark.parametrize(
+    ("options", "table"),
+    [
+        ({"closure": "fr"}, {}),
+        ({"closure": "f"}, {}),
+        ({"fix": {"e_n": 0.9}}, {"columns": ("beta",)}),
+        ({"prior": {"e_n": (0.9, 0.01)}}, {"columns": ("beta",)}),
+        ({"bounds": {"mu": (0.1, 0.14)}}, {}),
+        ({"inertia_factor": 2.0 / 3.0}, {}),
+        ({"gamma_min": 10.0, "gamma_max": 70.0}, {}),
+        ({}, {"columns": ("v_x", "v_n")}),
+        ({}, {"columns": ("spin_y_after", "v_x", "v_n")}),
+        ({}, {"columns": ("beta_cm", "e_n")}),
+        ({"observable": "beta", "fix": {"e_n": 0.9}}, {}),
+        ({"separate": ("mu",)}, {"series": 2}),
+        ({"separate": ("mu",), "noise": "unknown"}, {"series": 2}),
+        ({"noise": "unknown"}, {"series": 3}),
+    ],
+    ids=str,
+)
+def test_every_question_that_is_taken(tmp_path, options, table):
+    assert_same(*both(tmp_path, impacts(4000, 3, **table), method="lsq", **options))
+
+
+@pytest.mark.parametrize("suffix", ["csv", "csv.gz"])
+def test_text_files(tmp_path, suffix):
+    table = impacts(3000).round(6)
+    table.loc[5, "beta"] = np.nan
+    assert_same(*both(tmp_path, table, suffix=suffix, method="lsq"))
+
+
+def test_neither_parts_nor_their_order_change_a_bit(tmp_path):
+    table = impacts(5000)
+    found = []
+    for parts in (1, 2, 7):
+        folder = folder_of(tmp_path / f"{parts}", table, parts, "parquet")
+        found.append(ifrfit.fit(folder, method="lsq", noise="known"))
+    reversed_rows = folder_of(tmp_path / "reversed", table.iloc[::-1], 4, "parquet")
+    found.append(ifrfit.fit(reversed_rows, method="lsq", noise="known"))
+    for fit in found[1:]:
+        for name in TRUTH:
+            assert fit.constants[name].value == pytest.approx(found[0].constants[name].value, rel=1e-14)
+            assert fit.constants[name].stderr == pytest.approx(found[0].constants[name].stderr, rel=1e-13)
+
+
+def test_rows_that_cannot_be_are_counted_and_named(tmp_path):
+    table = impacts(3000)
+    table.loc[10, "gamma_deg"] = 95.0
+    table.loc[[20, 21], "sigma_beta"] = -1.0
+    table.loc[30, "e_n"] = 12.0
+    table.loc[40, "beta"] = np.nan
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"), method="lsq")
+    (source,) = fit.inputs
+    assert dict(source.rows_skipped) == {
+        "not measured": 1,
+        "angle outside 0 to 90 degrees": 2,
+        "sigma of beta": 2,
+        "e_n impossible": 1,
+    }
+    assert source.rows == 6000
+    assert source.rows_used == fit.fit.n == 5994
+    said = " ".join(fit.warnings)
+    assert "0.parquet, row 11" in said
+    assert "row 21" in said
+    assert "sample" in said
+
+
+def test_a_closure_that_the_means_refute(tmp_path):
+    """Impacts of FR, of which single values are far too uncertain to tell it from F."""
+    table = impacts(200_000, columns=("beta",), spin=0.0, sigma=0.3, e_t=-0.75)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    good = ifrfit.fit(folder, method="lsq", fix={"e_n": 0.9})
+    assert good.facts["lack_of_fit"].ok
+    bad = ifrfit.fit(folder, method="lsq", closure="f", fix={"e_n": 0.9})
+    assert not bad.facts["lack_of_fit"].ok
+    assert bad.facts["lack_of_fit"].figures["departure_over_noise"] > 0.1
+
+
+def test_a_slip_is_found_in_the_sample(tmp_path):
+    table = impacts(4000, spin=0.0)
+    table["gamma_deg"] = 90.0 - table["gamma_deg"]
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"), method="lsq")
+    slip = fit.facts["slips"]
+    assert not slip.ok
+    assert slip.says.startswith("in a sample of ")
+
+
+def test_a_result_keeps_no_rows(tmp_path):
+    fit = ifrfit.fit(folder_of(tmp_path / "all", impacts(2000), 2, "parquet"))
+    fit.save(tmp_path / "result.json")
+    again = ifrfit.load_result(tmp_path / "result.json")
+    assert again.constants["mu"].value == fit.constants["mu"].value
+    assert len(again.points) == 0
+    np.testing.assert_allclose(again.predict([30.0])["value"], fit.predict([30.0])["value"], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"method": "mcmc"}, "exact or lsq"),
+        ({"noise": "scaled"}, "known or unknown"),
+        ({"noise": ifrfit.Noise("known", tails="student-t")}, "in memory"),
+        ({"exclude": ("7",)}, "in memory"),
+        ({"closure": "maw"}, "rows one by one"),
+        ({"observable": "v_n"}, "no column of v_n"),
+    ],
+)
+def test_what_needs_the_rows_is_refused(tmp_path, options, said):
+    folder = folder_of(tmp_path / "all", impacts(500), 2, "parquet")
+    with pytest.raises(UsageError, match=said):
+        ifrfit.fit(folder, **options)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(500), 2, "parquet")
+    (folder / "2.parquet").write_bytes(b"PAR1 and no more")
+    with pytest.raises(DataError, match=r"2\.parquet: cannot be read"):
+        ifrfit.fit(folder)
+    (folder / "2.parquet").unlink()
+    (folder / "3.csv").write_text("gamma_deg,beta,e_n\n10,0.1,x\n", encoding="utf-8")
+    with pytest.raises(DataError, match=r"3\.csv"):
+        ifrfit.fit(folder)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match="no Parquet or CSV"):
+        ifrfit.fit(tmp_path / "empty")
+
+
+def test_a_large_file_is_streamed_unasked(tmp_path, monkeypatch):
+    impacts(3000).to_parquet(tmp_path / "all.parquet")
+    held = ifrfit.fit(tmp_path / "all.parquet", method="lsq")
+    assert held.problem is not None
+    monkeypatch.setattr(stream_module, "LARGE_ROWS", 1000)
+    streamed = ifrfit.fit(tmp_path / "all.parquet", method="lsq")
+    assert streamed.problem is None
+    assert_same(streamed, held)
+    # what cannot be streamed is held in memory, if it is a file
+    assert ifrfit.fit(tmp_path / "all.parquet", method="lsq", exclude=("7",)).problem is not None
+
+
+def test_the_same_file_twice_is_refused(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(500), 2, "parquet")
+    (folder / "copy.parquet").write_bytes((folder / "0.parquet").read_bytes())
+    with pytest.raises(DataError, match="counted twice"):
+        ifrfit.fit(folder)
+
+
+def test_a_sample_that_is_refused_is_told(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(500), 2, "parquet")
+
+    def refused(*given):
+        raise DataError("a row is odd")
+
+    monkeypatch.setattr(stream_fit_module, "observe", refused)
+    fit = ifrfit.fit(folder, method="lsq")
+    assert any("no fact on single rows was looked for" in said for said in fit.warnings)
+    assert "slips" not in fit.facts
+    assert fit.facts["global_optimum"].ok
+
+
+def test_an_open_transition_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(stream_fit_module, "_MOST_ROWS", 300)
+    table = impacts(3000, sigma=3.0)
+    with pytest.raises(DataError, match="leave open where sliding ends"):
+        ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
