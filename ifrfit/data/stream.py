@@ -46,6 +46,7 @@ SAMPLE = 20_000  # impacts that are looked at one by one
 _SUFFIXES = (".parquet", ".csv", ".csv.gz", ".csv.zst")
 _BATCH = 1 << 17
 _MOST_SERIES = 200
+_BYTES_A_LINE = 50
 _FEW_PLACES = 3
 
 
@@ -124,6 +125,18 @@ class ImpactStream:
     def files(self) -> list[Path]:
         """The file, or all tables of the folder in the order of their names."""
         return stream_files(self.path)
+
+    def expected_rows(self) -> int:
+        """How many rows the files have, from what they say of themselves or their size."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        total = 0
+        for path in self.files:
+            with contextlib.suppress(pa.ArrowException, OSError):  # said when it is read
+                size = path.stat().st_size // _BYTES_A_LINE
+                total += size if _is_text(path) else int(pq.read_metadata(path).num_rows)
+        return total
 
     def batches(
         self, progress: Callable[[int, int], None] | None = None, *, sampled: bool = False

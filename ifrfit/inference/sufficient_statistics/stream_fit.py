@@ -47,7 +47,8 @@ Index = NDArray[np.intp]
 Progress = Callable[[int, int], None]
 SampleFit = Callable[[Observations], FitResult]
 
-BINS = 2048
+BINS = 2048  # intervals of tau, or four times as many for each of these numbers of rows that there are
+_MANY = (30_000_000, 300_000_000)
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
 _MOST_ROWS = 2_000_000  # that are fetched
 _PASSES = 4
@@ -80,12 +81,15 @@ class Accumulated:
     stream : ImpactStream
     weighted : bool
         Whether sigma gives the weights.
+    bins : int
+        Intervals of tau.
     moments : Moments
         Groups are series times observables.
     """
 
     stream: ImpactStream
     weighted: bool
+    bins: int = BINS
     moments: Moments | None = None
     groups: list[_Group] = field(default_factory=list)
 
@@ -106,7 +110,7 @@ class Accumulated:
                 self._note(own, value[here], sigma[here], batch.gamma_deg[at][here])
 
     def _make_room(self, groups: int) -> None:
-        fresh = Moments.nothing(groups, BINS)
+        fresh = Moments.nothing(groups, self.bins)
         if self.moments is not None:
             if self.moments.high.shape[0] == groups:
                 return
@@ -158,8 +162,9 @@ def _row_sums(
     with np.errstate(divide="ignore"):
         x = np.where(slip > 0.0, incidence.cosine / slip, 0.0)
     slope = np.where(slip > 0.0, slope, 0.0)
-    place = bin_of(slip, incidence.cosine, BINS)
-    return place, w, slope, value - offset, np.where(slip > 0.0, x - middles(BINS)[place], 0.0)
+    place = bin_of(slip, incidence.cosine, of.bins)
+    x = np.where(slip > 0.0, x - middles(of.bins)[place], 0.0)
+    return place, w, slope, value - offset, x
 
 
 def fit_stream(
@@ -204,7 +209,8 @@ def fit_stream(
         have to be held.
     """
     _refuse(closure, policy, estimator)
-    of = Accumulated(stream, weighted=False)
+    rows = stream.expected_rows()
+    of = Accumulated(stream, weighted=False, bins=BINS * 4 ** sum(rows >= many for many in _MANY))
     for number, batch in enumerate(stream.batches(progress, sampled=True)):
         if number == 0:
             of.weighted = stream.has_sigma if policy is None else policy == "known"
@@ -282,7 +288,7 @@ class _Question:
 
     def solve(self, progress: Progress | None) -> tuple[Problem, LeastSquaresFit, NDArray[np.bool_]]:
         """The problem with the impacts that it needs one by one, its optimum, and their intervals."""
-        fetched = np.zeros((len(self.of.stream.series), BINS), dtype=bool)
+        fetched = np.zeros((len(self.of.stream.series), self.of.bins), dtype=bool)
         rows: list[pd.DataFrame] = []
         for _ in range(_PASSES):
             problem = self.problem(rows, fetched)
@@ -325,7 +331,7 @@ class _Question:
         for batch in stream.batches(progress):
             i = batch.incidence
             with np.errstate(invalid="ignore"):
-                place = bin_of(np.hypot(i.slip_x, i.slip_y), i.cosine, BINS)
+                place = bin_of(np.hypot(i.slip_x, i.slip_y), i.cosine, self.of.bins)
             inside = fetched[batch.series, place]
             for name in stream.observables:
                 if OBSERVABLES[name].linear is None:
@@ -431,7 +437,7 @@ class _Question:
         domain = (0.0, 0.0) if own is None else own.ends
         law = self.closure.law(problem.inertia_factor)
         series, observables = len(of.stream.series), of.stream.observables
-        least = np.zeros((series, len(observables), BINS))
+        least = np.zeros((series, len(observables), of.bins))
         for group in range(len(of.groups)):
             number = group % len(observables)
             if OBSERVABLES[observables[number]].linear is None:
@@ -439,7 +445,7 @@ class _Question:
             else:
                 least[of.series_of(group), number] = least_misfit(of.sums[group], law, domain)  # type: ignore[arg-type]
         together = not any(p.separate for p in self.parameters)
-        found = np.empty((series, BINS))
+        found = np.empty((series, of.bins))
         for number in range(series):
             # a series whose constants are its own has its transition where it likes
             others = (

@@ -168,6 +168,14 @@ def test_a_closure_that_the_means_refute(tmp_path):
     assert bad.facts["lack_of_fit"].figures["departure_over_noise"] > 0.1
 
 
+def test_more_intervals_change_nothing(tmp_path, monkeypatch):
+    table = impacts(4000)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    few = ifrfit.fit(folder, method="lsq")
+    monkeypatch.setattr(stream_fit_module, "_MANY", (1000, 3000))
+    assert_same(ifrfit.fit(folder, method="lsq"), few)
+
+
 def test_a_slip_is_found_in_the_sample(tmp_path):
     table = impacts(4000, spin=0.0)
     table["gamma_deg"] = 90.0 - table["gamma_deg"]
