@@ -173,6 +173,8 @@ def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64])
         With file, line, column and remedy.
     """
     size = np.abs(values)
+    if not (size >= _SHORT_CODES[0]).any():  # as in most columns: nothing is as large as a code
+        return
     suspect = np.isin(size, _CODES)
     for code in _SHORT_CODES[np.isin(_SHORT_CODES, size)]:
         short = size == code

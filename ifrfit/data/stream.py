@@ -28,7 +28,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection
-from ifrfit.data.validate import without_value
+from ifrfit.data.validate import undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import FREE, OBSERVABLES
@@ -183,7 +183,8 @@ class ImpactStream:
         spins = [np.nan_to_num(layout.numbers(name)) for name in ("spin_x", "spin_y")]
         gamma = layout.gamma()
         settings = self._settings(layout, gamma, spins)
-        undefined = without_value(gamma, spins[0], spins[1])
+        incidence = Incidence.of(np.nan_to_num(gamma), *spins, degrees=True)
+        undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
         values = {}
         usable = np.ones(gamma.size, dtype=bool)
         for name in self.observables:
@@ -206,7 +207,6 @@ class ImpactStream:
             usable &= good | ~measured
             at = np.flatnonzero(good)
             values[name] = (at, value[at], sigma[at])
-        incidence = Incidence.of(np.nan_to_num(gamma), *spins, degrees=True)
         return Batch(incidence, np.nan_to_num(gamma), self._series_of(batch, layout), values), usable
 
     def _choose(self, layout: Layout) -> None:

@@ -164,7 +164,11 @@ def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[st
 
 def without_value(gamma_deg: Array, s_x: Array, s_y: Array) -> dict[str, Mask]:
     """Return which impacts leave observables without a value, by the reasons of `Observable.undefined`."""
-    sine, cosine = sincos(gamma_deg, degrees=True)
+    return undefined_at(*sincos(gamma_deg, degrees=True), s_x, s_y)
+
+
+def undefined_at(sine: Array, cosine: Array, s_x: Array, s_y: Array) -> dict[str, Mask]:
+    """The same as `without_value`, from sine and cosine of the angle."""
     spin = np.hypot(s_x, s_y)
     return {
         "contact": np.hypot(sine + s_y, s_x) <= NO_MOTION * (1.0 + spin),
