@@ -8,12 +8,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from typing import Any
 
+from ifrfit.campaign.group_fit import Row
 from ifrfit.data.groups import Group
 from ifrfit.inference.worker_processes import worker_processes
 
-Row = dict[str, Any]
 Work = Callable[[Sequence[Group]], list[Row]]
 
 LOT = 25  # groups

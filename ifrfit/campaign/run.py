@@ -22,6 +22,7 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 
 METHODS = ("exact", "lsq", "profile")
+_AT_ONCE = 25  # rows written to the journal together
 
 
 @dataclass(frozen=True)
@@ -168,13 +169,14 @@ def run_campaign(
             if progress is not None:
                 progress(len(found), max(len(order), len(files.files)))
     except (DataError, UsageError):
-        if not found:
-            journal.close()
+        if not (found or journal.known):
+            journal.close()  # nothing to go on with
         raise
     finally:
         _keep(journal, waiting)
     if not found:
-        journal.close()
+        if not journal.known:
+            journal.close()
         reason = refused[0].reason if refused else "no file has a row"
         raise DataError(f"There is no group to fit: {reason}")
     keys = tuple(sorted(found, key=order.__getitem__))
@@ -195,9 +197,6 @@ def run_campaign(
     written = deliver(campaign)
     journal.close()
     return campaign, written
-
-
-_AT_ONCE = 25  # rows written to the journal together
 
 
 def _keep(journal: Journal, waiting: list[tuple[Group, Row]]) -> None:

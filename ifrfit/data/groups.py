@@ -139,19 +139,20 @@ class GroupedFiles:
             No file has the columns.
         """
         last: dict[tuple[str, ...], int] = {}
-        hashes: dict[Path, str] = {}
+        before: dict[Path, tuple[str, set[tuple[str, ...]]]] = {}
         if not self.is_by_file:
             for number, path in enumerate(self.files):
                 try:
                     cells = read_table(path, self.conventions)
-                    hashes[path] = cells.sha256
-                    last |= dict.fromkeys(self._rows_by_key(cells, path), number)
+                    keys = self._rows_by_key(cells, path)
+                    before[path] = cells.sha256, set(keys)
+                    last |= dict.fromkeys(keys, number)
                 except DataError:
                     continue  # it is refused when its turn comes
-        yield from self._read(last, hashes)
+        yield from self._read(last, before)
 
     def _read(
-        self, last: dict[tuple[str, ...], int], hashes: dict[Path, str]
+        self, last: dict[tuple[str, ...], int], before: dict[Path, tuple[str, set[tuple[str, ...]]]]
     ) -> Iterator[Group | RefusedFile]:
         waiting: dict[tuple[str, ...], Group] = {}
         refused: list[RefusedFile] = []
@@ -159,7 +160,6 @@ class GroupedFiles:
         for number, path in enumerate(self.files):
             try:
                 cells = read_table(path, self.conventions)
-                trouble = "" if hashes.get(path, cells.sha256) == cells.sha256 else _CHANGED
                 keyed = self._rows_by_key(cells, path)
             except DataError as error:
                 if isinstance(error, _ColumnMissingError):
@@ -172,15 +172,16 @@ class GroupedFiles:
                 yield from refused
                 refused = []
             whole = None if cells is None else _unpacked(cells)
+            sha256, expected = before.get(path, ("", set()))
+            if expected and (cells is None or cells.sha256 != sha256):
+                # what was read of its groups is not what was counted on
+                for key in expected | set(keyed):
+                    group = waiting.get(key, Group(key, ()))
+                    waiting[key] = replace(group, trouble=f"{path}: {_CHANGED}")
             for key, rows in keyed.items():
                 assert whole is not None
-                own = _rows_of(whole, rows)
-                before = waiting.get(key, Group(key, ()))
-                waiting[key] = replace(
-                    before,
-                    tables=(*before.tables, own),
-                    trouble=before.trouble or (f"{path}: {_CHANGED}" if trouble else ""),
-                )
+                group = waiting.get(key, Group(key, ()))
+                waiting[key] = replace(group, tables=(*group.tables, _rows_of(whole, rows)))
             over = [key for key in waiting if last.get(key, number) <= number]
             for key in over:
                 yield waiting.pop(key)

@@ -77,6 +77,22 @@ def test_a_file_that_changes_while_it_is_read_is_told(tmp_path, monkeypatch):
     assert all("changed while it was read" in found[key,] for key in ("steel", "wood"))
 
 
+def test_a_file_that_goes_while_it_is_read_is_told(tmp_path, monkeypatch):
+    write(tmp_path / "a.csv", "steel,10,0.1")
+    going = write(tmp_path / "b.csv", "steel,20,0.2", "wood,30,0.3")
+    groups = grouped([tmp_path], "wall")
+    reads = GroupedFiles._read
+
+    def without_it(self, *state):
+        going.unlink()
+        return reads(self, *state)
+
+    monkeypatch.setattr(GroupedFiles, "_read", without_it)
+    found = {each.key: each.trouble for each in groups.groups() if isinstance(each, Group)}
+    assert set(found) == {("steel",), ("wood",)}
+    assert all("changed while it was read" in trouble for trouble in found.values())
+
+
 def test_the_digest_follows_what_is_read(tmp_path):
     path = write(tmp_path / "a.csv", "steel,10,0.1", "glass,20,0.2")
     before = {group.key: group.digest for group in grouped([path], "wall").groups()}

@@ -13,6 +13,7 @@ import ifrfit
 from ifrfit.data import stream as stream_module
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
+from ifrfit.inference.sufficient_statistics import transition_window
 from ifrfit.physics import OBSERVABLES, rebound
 
 pytest.importorskip("numba")
@@ -258,7 +259,7 @@ def test_a_sample_that_is_refused_is_told(tmp_path, monkeypatch):
 
 
 def test_an_open_transition_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(stream_fit_module, "_MOST_ROWS", 300)
+    monkeypatch.setattr(transition_window, "_MOST_ROWS", 300)
     table = impacts(3000, sigma=3.0)
     with pytest.raises(DataError, match="leave open where sliding ends"):
         ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))

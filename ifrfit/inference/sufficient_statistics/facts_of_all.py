@@ -1,0 +1,160 @@
+"""What is said of all impacts: statistics, lack of fit of the means, and facts of a sample beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, fdtrc
+
+from ifrfit.data.observations import Source
+from ifrfit.data.stream import ImpactStream
+from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum, identifiable
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Fact, FitStatistics
+from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
+from ifrfit.inference.sufficient_statistics.transition_window import MEAN, SCATTER
+from ifrfit.text import joined
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# facts that the whole answers; the others are looked for in a sample
+_OF_ALL = ("converged", "global_optimum", "identifiable", "at_bound", "sharing", "predictive")
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is added to the log likelihood and to the log evidence of condensed rows to be those of all."""
+
+    of_likelihood: float
+    of_evidence: float
+
+
+def likelihood_correction(problem: Problem, optimum: LeastSquaresFit, of: Accumulated) -> Correction:
+    """Condensed rows have other norms than the measurements they stand for; their squares are the same."""
+    half_log_2pi = 0.5 * math.log(2.0 * math.pi)
+    noise = problem.noise
+    n = noise.count(np.arange(len(problem.rows)))
+    ours = float(np.log(noise.base).sum())
+    if noise.is_known:
+        theirs = sum(known.log_sigma for known in of.groups)
+        both = ours - theirs - (n - len(problem.rows)) * half_log_2pi
+        return Correction(both, both)
+    likelihood = float(np.log(noise.base).sum()) - (n - len(problem.rows)) * half_log_2pi
+    for rows in problem.noise_groups().values():
+        square = float(((problem.residual(optimum.optimum.theta) / noise.base)[rows] ** 2).sum())
+        log_noise = 0.5 * math.log(square / noise.count(rows))
+        likelihood -= (noise.count(rows) - rows.size) * log_noise
+    return Correction(likelihood, ours)
+
+
+def statistics_of_all(
+    problem: Problem, optimum: LeastSquaresFit, result: FitResult, of: Accumulated, correction: Correction
+) -> FitStatistics:
+    """The statistics of all measurements."""
+    counts = problem.noise.counts
+    assert counts is not None
+    theta = optimum.optimum.theta
+    n = round(float(counts.sum()))
+    dof = n - round(float(optimum.gaussian.leverage.sum()))
+    _, sticks = problem.impulse(*problem.per_row(theta))
+    oblique = problem.rows.is_oblique
+    log_l = result.fit.log_likelihood + correction.of_likelihood
+    k = optimum.gaussian.rank + len(problem.noise_groups())
+    chi2 = result.fit.chi2
+    known = problem.noise.is_known
+    residual = problem.residual(theta) / (problem.noise.scale if problem.noise.scale is not None else 1.0)
+    return replace(
+        result.fit,
+        n=n,
+        n_sticking=round(float(counts[oblique & sticks].sum())),
+        n_sliding=round(float(counts[oblique & ~sticks].sum())),
+        dof=dof,
+        reduced_chi2=chi2 / dof if known else None,
+        p_value=float(chdtrc(dof, chi2)) if known else None,
+        rmse=float(np.sqrt((residual**2).sum() / n)),
+        log_likelihood=log_l,
+        aic=2.0 * k - 2.0 * log_l,
+        bic=k * math.log(n) - 2.0 * log_l,
+    )
+
+
+def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.object_]) -> Fact:
+    """Whether the means of narrow intervals of tau follow the closure, by what values scatter about them.
+
+    An F test, of all impacts but those about the transition, of which none is a mean.
+    """
+    counts = problem.noise.counts
+    assert counts is not None
+    z = problem.residual(optimum.optimum.theta) / optimum.sigma
+    is_tangential = problem.rows.of_kind("tangential")
+    means, pairs = (kinds == MEAN) & is_tangential, (kinds == SCATTER) & is_tangential
+    # a pair stands about its mean: what it has in common is that of the mean, its difference is scatter
+    places = np.flatnonzero(pairs).reshape(-1, 2)
+    common, apart = z[places].sum(axis=1) / math.sqrt(2.0), np.diff(z[places], axis=1)[:, 0] / math.sqrt(2.0)
+    between = float(z[means] @ z[means]) + float(common @ common)
+    within = float(apart @ apart)
+    dof = float(means.sum()) + common.size - optimum.gaussian.rank
+    rest = float(counts[means | pairs].sum()) - means.sum() - common.size
+    if dof < 1.0 or rest < 1.0 or within <= 0.0:
+        says = "too few impacts away from the transition to look for lack of fit"
+        return Fact(True, says, {"tested": False}, FACTS["lack_of_fit"])
+    p = float(fdtrc(dof, rest, (between / dof) / (within / rest)))
+    departure = math.sqrt(max(between / (within / rest) - dof, 0.0) / float(counts[means | pairs].sum()))
+    figures = {"p_value": p, "dof": dof, "departure_over_noise": departure}
+    if p < REFUTED:
+        says = (
+            f"the closure does not describe these data (p = {p:.2g}, means of narrow intervals of tau): they "
+            f"depart from it by {departure:.2g} times the noise of one value. ifrfit compare on a part of "
+            "the data shows which closure does"
+        )
+        return Fact(False, says, figures, FACTS["lack_of_fit"])
+    return Fact(
+        True, f"no lack of fit (p = {p:.2g}, means of narrow intervals of tau)", figures, FACTS["lack_of_fit"]
+    )
+
+
+def facts_of_all(
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    result: FitResult,
+    sample: FitResult | DataError,
+    kinds: NDArray[np.object_],
+) -> dict[str, Fact]:
+    """Of the optimum those of all impacts, the others those of the sample."""
+    own = {name: fact for name, fact in result.facts.items() if name in _OF_ALL and name != "predictive"}
+    own["global_optimum"] = global_optimum(optimum, bilinear=True)
+    own["at_bound"] = at_bound(result.constants)
+    own["identifiable"] = identifiable(
+        problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
+    )
+    own["lack_of_fit"] = _lack_of_fit(problem, optimum, kinds)
+    if isinstance(sample, DataError):
+        return own
+    looked = {
+        name: replace(fact, says=f"in a sample of {len(sample.points):,} values: {fact.says}")
+        for name, fact in sample.facts.items()
+        if name not in own
+    }
+    return {
+        **{k: f for k, f in looked.items() if not f.ok},
+        **own,
+        **{k: f for k, f in looked.items() if f.ok},
+    }
+
+
+def warnings_of(stream: ImpactStream, source: Source) -> list[str]:
+    """What was left out, with the first places."""
+    said = list(stream.notes)
+    for reason, places in stream.places.items():
+        count = source.rows_skipped.get(reason, 0)
+        first = " (the first of them)" if count > len(places) else ""
+        said.append(f"{count:,} value{'s' if count > 1 else ''} left out, {reason}: {joined(places)}{first}")
+    return said
