@@ -32,7 +32,7 @@ LAYERS = (
     ("errors", "text", "_version"),
 )
 # the places that look a module up by its name: what draws a result, homes of registries and of entries
-LATE = {"ifrfit.inference.result.display", "ifrfit.inference.worker_processes", "ifrfit.registry"}
+LATE = {"ifrfit.inference.result.display", "ifrfit.inference.workers.worker_processes", "ifrfit.registry"}
 # what no fit by least squares, nor one with the exact posterior, may import
 UNNEEDED = (
     *(f"ifrfit.{part}." for part in ("campaign", "cli", "cost", "paper", "report", "simulation")),

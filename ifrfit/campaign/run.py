@@ -10,7 +10,6 @@ from typing import Any
 
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row, fit_groups
 from ifrfit.campaign.journal import Journal
-from ifrfit.campaign.lots import DIED, in_lots
 from ifrfit.campaign.population import Population, populations
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
@@ -18,11 +17,15 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
 from ifrfit.inference.options import Model, Noise
+from ifrfit.inference.workers.crews import TRIES, crew_of
+from ifrfit.inference.workers.lots import in_lots
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 
 METHODS = ("exact", "lsq", "profile")
+LOT = 25  # groups
 _AT_ONCE = 25  # rows written to the journal together
+DIED = f"the process that fitted it died {TRIES} times, as for want of memory. Fit the group by itself."
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,7 @@ def run_campaign(
     method: str | Estimator | None = None,
     facts: bool = True,
     workers: int = 1,
+    scheduler: str | None = None,
     resume: bool = False,
     force: bool = False,
     seed: int = 0,
@@ -110,6 +114,8 @@ def run_campaign(
         Whether slips, effects and lack of fit are looked for in each group.
     workers : int
         Processes. The results do not depend on them.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers fit the groups.
     resume : bool
         Go on with an unfinished campaign.
     force : bool
@@ -131,8 +137,6 @@ def run_campaign(
     estimator = estimator_of(method)
     if estimator.name not in METHODS:
         raise UsageError(f"--method {estimator.name}: campaigns take {', '.join(METHODS)}.")
-    if workers < 1:
-        raise UsageError(f"--workers {workers}: it must be 1 or more.")
     conventions = parse_conventions(keywords.pop("convention", ()))
     question = GroupQuestion(
         conventions, model_of(model, {}), noise_of(noise), estimator, keywords, seed, facts
@@ -161,13 +165,14 @@ def run_campaign(
     work = partial(fit_groups, question, files)
     waiting: list[tuple[Group, Row]] = []
     try:
-        for group, row in in_lots(unknown(), work, _lost, workers):
-            found[group.key] = row
-            waiting.append((group, row))
-            if len(waiting) >= _AT_ONCE:
-                _keep(journal, waiting)
-            if progress is not None:
-                progress(len(found), max(len(order), len(files.files)))
+        with crew_of(workers, scheduler) as crew:
+            for group, row in in_lots(unknown(), work, _lost, crew, LOT):
+                found[group.key] = row
+                waiting.append((group, row))
+                if len(waiting) >= _AT_ONCE:
+                    _keep(journal, waiting)
+                if progress is not None:
+                    progress(len(found), max(len(order), len(files.files)))
     except (DataError, UsageError):
         if not (found or journal.known):
             journal.close()  # nothing to go on with

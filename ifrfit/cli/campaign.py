@@ -33,6 +33,10 @@ def campaign(
     workers: Annotated[
         int, typer.Option(metavar="N", help="Processes; the results do not depend on them.", min=1)
     ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers fit the groups."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished campaign.")] = False,
     force: Annotated[
         bool,
@@ -62,6 +66,7 @@ def campaign(
                 method=method,
                 facts=facts,
                 workers=workers,
+                scheduler=scheduler,
                 resume=resume,
                 force=force,
                 command=command_line(),

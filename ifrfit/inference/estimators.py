@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ifrfit.inference.result.estimation import Estimation
 
 Progress = Callable[[int, int], None]
+_RESUME = "Go on with the chains in DIR, or with what an unfinished fit has read, and replace what is there."
 _INTEGRATORS = ("automatic", "quadrature", "sampling")
 
 
@@ -141,8 +142,32 @@ def _budget() -> Any:
 
 
 def _workers() -> Any:
-    says = "mcmc, bootstrap: processes; the draws are the same."
+    says = "Processes, for mcmc, bootstrap and data not held in memory; no number depends on them."
     return option(1, says, form="integer", metavar="N", least=1)
+
+
+def _scheduler() -> Any:
+    says = "Dask scheduler whose workers read data not held in memory, as tcp://host:8786."
+    return option(None, says, metavar="ADDRESS")
+
+
+def held_in_memory(estimator: Estimator) -> None:
+    """Refuse what is only for data that are not held in memory.
+
+    Raises
+    ------
+    UsageError
+        With the option.
+    """
+    if not isinstance(estimator, Exact | LeastSquares):
+        return
+    asked = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler, "resume": estimator.resume}
+    for name, is_given in asked.items():
+        if is_given:
+            raise UsageError(
+                f"--{name}: these data are held in memory, where --method {estimator.name} is one short "
+                "computation. Leave it out."
+            )
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,6 +184,13 @@ class Exact(Method):
         accuracy is reached.
     integrator : {"automatic", "quadrature", "sampling"}
         automatic: quadrature, or importance sampling where its grids would take more than a second or so.
+    workers : int
+        Processes that read data which are not held in memory; 1 is this process itself.
+    scheduler : str or None
+        Address of a Dask scheduler whose workers do so, as ``tcp://host:8786``.
+    resume : str, Path or None
+        Folder of the results to be: beside it is kept what was read of such data, from which the same fit
+        goes on after it was interrupted.
 
     Raises
     ------
@@ -177,6 +209,9 @@ class Exact(Method):
     integrator: str | None = option(
         None, "exact: automatic (default), quadrature or sampling (importance sampling).", metavar="NAME"
     )
+    workers: int = _workers()
+    scheduler: str | None = _scheduler()
+    resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
     def __post_init__(self) -> None:
         check_request(self.accuracy, self.budget)
@@ -209,13 +244,22 @@ class Exact(Method):
 
 @dataclass(frozen=True, repr=False)
 class LeastSquares(Method):
-    """Least squares with a certificate of the global optimum, and the Gaussian approximation about it."""
+    """Least squares with a certificate of the global optimum, and the Gaussian approximation about it.
+
+    Attributes
+    ----------
+    workers, scheduler, resume
+        As `Exact`.
+    """
 
     name: ClassVar[str] = "lsq"
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "least squares"
     label: ClassVar[str] = "least squares"
     summary: ClassVar[str] = "least squares"
+    workers: int = _workers()
+    scheduler: str | None = _scheduler()
+    resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
     def refuses(self, problem: Problem) -> str:
         """Why not: true angles that are to be integrated out."""
@@ -287,9 +331,7 @@ class MCMC(Method):
     max_steps: int | None = option(
         None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N", least=1
     )
-    resume: str | Path | None = option(
-        None, "mcmc: walk on with the chains in DIR, and replace its result.", form="path", metavar="DIR"
-    )
+    resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
     workers: int = _workers()
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()

@@ -11,11 +11,12 @@ from typing import Any, Unpack
 from ifrfit.data import Observations, combine, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
-from ifrfit.data.stream import ImpactStream, NotStreamableError, is_stream
+from ifrfit.data.stream.files import NotStreamableError, is_stream
+from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, refuses_offset
+from ifrfit.inference.estimators import Estimator, held_in_memory, refuses_offset
 from ifrfit.inference.keywords import (
     FitKeywords,
     check_keywords,
@@ -117,6 +118,7 @@ def fit(
     )
     if streamed is not None:
         return streamed
+    held_in_memory(estimator)
     question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
@@ -152,12 +154,13 @@ def _streamed(
     path = Path(parts[0])
     if not is_stream(path):
         return None
+    from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
+    from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
+    from ifrfit.inference.workers.crews import crew_of
 
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
-    stream = ImpactStream(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
-
     assumed = (f"closure {closure.title}",) if model.closure == Model.closure else ()
     if model.inertia_factor is None:
         assumed = (*assumed, f"inertia factor {inertia:g} (solid sphere)")
@@ -170,19 +173,26 @@ def _streamed(
             raise NotStreamableError(
                 f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
             )
-        return fit_stream(
-            stream,
-            closure,
-            model.parameters(inertia),
-            noise.policy,
-            estimator,
-            of_sample,
-            separate_noise=bool(model.separate),
-            assumed=assumed,
-            seed=seed,
-            command=command,
-            progress=progress,
-        )
+        conventions = parse_conventions(keywords.get("convention", ()))
+        stream = ImpactStream.of(path, conventions, selection, inertia)
+        resume = getattr(estimator, "resume", None)
+        unfinished = None if resume is None else UnfinishedPass.beside(Path(resume))
+        with crew_of(getattr(estimator, "workers", 1), getattr(estimator, "scheduler", None)) as crew:
+            found = fit_stream(
+                Reader(stream, crew, unfinished, progress),
+                closure,
+                model.parameters(inertia),
+                noise.policy,
+                estimator,
+                of_sample,
+                separate_noise=bool(model.separate),
+                assumed=assumed,
+                seed=seed,
+                command=command,
+            )
+        if unfinished is not None:
+            unfinished.close()
+        return found
     except NotStreamableError:
         if path.is_dir() or path.name.lower().endswith((".gz", ".zst")):
             raise

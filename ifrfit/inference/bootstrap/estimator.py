@@ -21,7 +21,7 @@ from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.worker_processes import worker_processes
+from ifrfit.inference.workers.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.moves import moves
 from ifrfit.inference.mcmc.stopping import Evidence, is_met
-from ifrfit.inference.worker_processes import worker_processes
+from ifrfit.inference.workers.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 

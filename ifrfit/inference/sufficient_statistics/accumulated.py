@@ -1,23 +1,33 @@
-"""One pass over a stream of impacts: their sums, and what else of their values a fit needs to know."""
+"""What a pass over impacts leaves: their sums, what else of their values a fit needs, and some of their rows.
+
+Parts of a pass, wherever they were made, merge to what one pass would have left.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Source
-from ifrfit.data.stream import Batch, ImpactStream
+from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
+from ifrfit.data.stream.sample import Sample
+from ifrfit.data.stream.tally import Tally
 from ifrfit.inference.model.noise import resolution
-from ifrfit.inference.sufficient_statistics.moments import Moments, N, bin_of, middles
+from ifrfit.inference.sufficient_statistics.moments import SUMS, ExactSum, Moments, N, bin_of, middles
+from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
+_WINDOW = "window "
 BINS = 2048  # intervals of tau, unless there are very many rows
 
 
@@ -28,16 +38,27 @@ class GroupNotes:
     smallest_sigma: float = math.inf
     largest_sigma: float = 0.0
     largest_value: float = 0.0
-    square_sigma: float = 0.0
-    log_sigma: float = 0.0
+    square_sigma: ExactSum = field(default_factory=ExactSum)
+    log_sigma: ExactSum = field(default_factory=ExactSum)
     last_decimal: float = 1.0
     least_gamma: float = 90.0
     largest_gamma: float = 0.0
 
+    def merge(self, other: GroupNotes) -> GroupNotes:
+        """Of both."""
+        made: dict[str, Any] = {}
+        for each in fields(self):
+            ours, theirs = getattr(self, each.name), getattr(other, each.name)
+            if isinstance(ours, ExactSum):
+                made[each.name] = ours.merge(theirs)
+            else:
+                made[each.name] = (max if each.name.startswith("largest") else min)(ours, theirs)
+        return GroupNotes(**made)
+
 
 @dataclass
 class Accumulated:
-    """Sums of all impacts of a stream.
+    """Sums of the impacts of a stream.
 
     Attributes
     ----------
@@ -46,39 +67,76 @@ class Accumulated:
         Whether sigma gives the weights.
     bins : int
         Intervals of tau.
+    tally : Tally
     moments : Moments
         Groups are series times observables.
+    groups : list of GroupNotes
+    sample : Sample
+    window : WindowRows
+        Impacts of the intervals that a transition is expected in.
     """
 
     stream: ImpactStream
     weighted: bool
-    bins: int = BINS
-    moments: Moments | None = None
-    groups: list[GroupNotes] = field(default_factory=list)
+    bins: int
+    tally: Tally
+    moments: Moments
+    groups: list[GroupNotes]
+    sample: Sample
+    window: WindowRows
+
+    @classmethod
+    def nothing(cls, stream: ImpactStream, weighted: bool, bins: int, window: Mask) -> Accumulated:
+        """Of no impacts; `window` are the intervals whose rows are to be kept, (bins,)."""
+        sample = Sample(Sample.below_of(stream.rows))
+        moments = Moments.nothing(0, bins)
+        return cls(stream, weighted, bins, Tally(), moments, [], sample, WindowRows(window))
+
+    def anew(self) -> Accumulated:
+        """Of no impacts, with what is to be looked for the same."""
+        nothing, window = Moments.nothing(0, self.bins), WindowRows(self.window.inside)
+        sample = Sample(self.sample.below)
+        return Accumulated(self.stream, self.weighted, self.bins, Tally(), nothing, [], sample, window)
 
     def add(self, batch: Batch) -> None:
-        """Add the impacts of a batch."""
+        """Add the impacts of a batch, of whose series the tally knows."""
         names = self.stream.observables
-        self._make_room(len(self.stream.series) * len(names))
-        assert self.moments is not None
+        self._make_room()
         for number, name in enumerate(names):
-            at, value, sigma = batch.values[name]
-            if not at.size:
+            values = batch.values[name]
+            if not values.at.size:
                 continue
-            group = batch.series[at] * len(names) + number
-            place, w, s, r, x = _row_sums(batch, name, at, value, sigma, self)
+            group = batch.series[values.at] * len(names) + number
+            place, w, s, r, x = self._row_sums(batch, name, values)
             self.moments.add(group, place, w, s, r, x)
-            for own in np.unique(group).tolist():
-                here = group == own
-                self._note(own, value[here], sigma[here], batch.gamma_deg[at][here])
+            if OBSERVABLES[name].linear is not None:
+                self.window.add(name, batch, values, place)
+            gamma = batch.gamma_deg[values.at]
+            for own in np.unique(group).tolist() if len(self.tally.series) > 1 else (number,):
+                here = slice(None) if len(self.tally.series) == 1 else group == own
+                self._note(own, values.value[here], values.sigma[here], gamma[here])
 
-    def _make_room(self, groups: int) -> None:
+    def merge(self, following: Accumulated) -> None:
+        """Add what was found of later portions."""
+        k = len(self.stream.observables)
+        series = self.tally.merge(following.tally)
+        self._make_room()
+        at = (series[:, None] * k + np.arange(k)).ravel()
+        theirs = Moments.nothing(len(self.groups), self.bins)
+        theirs.high[at], theirs.low[at] = following.moments.high, following.moments.low
+        self.moments = self.moments.merge(theirs)
+        for own, notes in zip(at.tolist(), following.groups, strict=True):
+            self.groups[own] = self.groups[own].merge(notes)
+        self.sample.merge(following.sample)
+        self.window.merge(following.window, series)
+
+    def _make_room(self) -> None:
+        groups = len(self.tally.series) * len(self.stream.observables)
+        if len(self.groups) == groups:
+            return
         fresh = Moments.nothing(groups, self.bins)
-        if self.moments is not None:
-            if self.moments.high.shape[0] == groups:
-                return
-            fresh.high[: self.moments.high.shape[0]] = self.moments.high
-            fresh.low[: self.moments.low.shape[0]] = self.moments.low
+        fresh.high[: len(self.groups)] = self.moments.high
+        fresh.low[: len(self.groups)] = self.moments.low
         self.moments = fresh
         self.groups += [GroupNotes() for _ in range(groups - len(self.groups))]
 
@@ -86,20 +144,43 @@ class Accumulated:
         known = self.groups[own]
         known.least_gamma = min(known.least_gamma, float(gamma.min()))
         known.largest_gamma = max(known.largest_gamma, float(gamma.max()))
-        known.largest_value = max(known.largest_value, float(np.abs(value).max()))
+        known.largest_value = max(known.largest_value, float(value.max()), -float(value.min()))
         if known.last_decimal > 1e-6:
             known.last_decimal = min(known.last_decimal, resolution(value))
         if self.weighted:
             known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
             known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
-            known.square_sigma += float(sigma @ sigma)
-            known.log_sigma += float(np.log(sigma).sum())
+            known.square_sigma = known.square_sigma.add(sigma * sigma)
+            known.log_sigma = known.log_sigma.add(np.log(sigma))
+
+    def _row_sums(self, batch: Batch, name: str, values: Values) -> tuple[Index, Array, Array, Array, Array]:
+        """Interval, weight, slope, value less offset and 1/tau of some rows."""
+        at, value, sigma = values
+        whole = at.size == batch.gamma_deg.size
+        incidence = batch.incidence if whole else batch.incidence.take(at)
+        w = sigma**-2.0 if self.weighted else np.ones(at.size)
+        observable = OBSERVABLES[name]
+        if observable.linear is None:
+            slope = np.ones(at.size) if observable.by_e_n is None else observable.by_e_n(incidence)
+            return np.zeros(at.size, dtype=np.intp), w, np.asarray(slope), value, np.zeros(at.size)
+        offset, slope = observable.linear(incidence, self.stream.inertia_factor)
+        slip = incidence.slip
+        with np.errstate(divide="ignore"):
+            x = np.where(slip > 0.0, incidence.cosine / slip, 0.0)
+        slope = np.where(slip > 0.0, slope, 0.0)
+        place = bin_of(slip, incidence.cosine, self.bins)
+        x = np.where(slip > 0.0, x - middles(self.bins)[place], 0.0)
+        return place, w, slope, value - offset, x
 
     @property
     def sums(self) -> Array:
         """(groups, bins, 7)."""
-        assert self.moments is not None
         return self.moments.high
+
+    @property
+    def series(self) -> list[str]:
+        """Those met."""
+        return self.tally.series
 
     def observable_of(self, group: int) -> str:
         """Observable of a group."""
@@ -109,32 +190,46 @@ class Accumulated:
         """Series of a group."""
         return group // len(self.stream.observables)
 
+    def count_of(self, group: int) -> float:
+        """Values of a group."""
+        return float(self.sums[group, :, N].sum())
 
-def _row_sums(
-    batch: Batch, name: str, at: Index, value: Array, sigma: Array, of: Accumulated
-) -> tuple[Index, Array, Array, Array, Array]:
-    """Interval, weight, slope, value less offset and 1/tau of some rows."""
-    incidence = batch.incidence.take(at)
-    w = sigma**-2.0 if of.weighted else np.ones(at.size)
-    observable = OBSERVABLES[name]
-    if observable.linear is None:
-        slope = np.ones(at.size) if observable.by_e_n is None else observable.by_e_n(incidence)
-        return np.zeros(at.size, dtype=np.intp), w, np.asarray(slope), value, np.zeros(at.size)
-    offset, slope = observable.linear(incidence, of.stream.inertia_factor)
-    slip = np.hypot(incidence.slip_x, incidence.slip_y)
-    with np.errstate(divide="ignore"):
-        x = np.where(slip > 0.0, incidence.cosine / slip, 0.0)
-    slope = np.where(slip > 0.0, slope, 0.0)
-    place = bin_of(slip, incidence.cosine, of.bins)
-    x = np.where(slip > 0.0, x - middles(of.bins)[place], 0.0)
-    return place, w, slope, value - offset, x
+    def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What a part of a pass found, as JSON takes it and as arrays."""
+        lots, rows = self.sample.to_bytes()
+        seen = np.flatnonzero(self.moments.high[:, :, N].ravel() > 0.0)
+        arrays: dict[str, NDArray[Any]] = {
+            "seen": seen,
+            "high": self.moments.high.reshape(-1, SUMS)[seen],
+            "low": self.moments.low.reshape(-1, SUMS)[seen],
+            "lots": lots,
+            "rows": rows,
+            **{f"{_WINDOW}{name}": found for name, found in self.window.arrays().items()},
+        }
+        return {"tally": self.tally.to_dict(), "groups": [asdict(notes) for notes in self.groups]}, arrays
+
+    def with_arrays(self, found: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Accumulated:
+        """What `to_arrays` gave, as a part of the same pass as this one, which is of nothing."""
+        groups = []
+        for notes in found["groups"]:
+            known: dict[str, Any] = {k: ExactSum(**v) if isinstance(v, dict) else v for k, v in notes.items()}
+            groups.append(GroupNotes(**known))
+        moments = Moments.nothing(len(groups), self.bins)
+        moments.high.reshape(-1, SUMS)[arrays["seen"]] = arrays["high"]
+        moments.low.reshape(-1, SUMS)[arrays["seen"]] = arrays["low"]
+        part = replace(self.anew(), tally=Tally.of_dict(found["tally"]), moments=moments, groups=groups)
+        part.sample = Sample.of_bytes(self.sample.below, arrays["lots"], arrays["rows"])
+        for name, rows in arrays.items():
+            if name.startswith(_WINDOW):
+                part.window.parts[name.removeprefix(_WINDOW)] = [rows]
+        return part
 
 
 def source_of(of: Accumulated) -> Source:
     """Where the impacts come from, with how many were left out and why."""
     stream = of.stream
     used = round(float(of.sums[:, :, N].sum()))
-    skipped = {reason: count for reason, count in stream.skipped.items() if count}
+    skipped = {reason: count for reason, count in of.tally.skipped.items() if count}
     ranges = list(stream.selection.ranges)
     return Source(
         name=stream.path.name or str(stream.path),
@@ -142,6 +237,6 @@ def source_of(of: Accumulated) -> Source:
         rows=used + sum(skipped.values()),
         rows_used=used,
         rows_skipped=skipped,
-        provenance=", ".join(name for name in stream.provenances if name),
+        provenance=", ".join(name for name in of.tally.provenances if name),
         selection=f"{joined(ranges)} range" if ranges else "",
     )

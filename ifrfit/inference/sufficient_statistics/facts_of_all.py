@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ifrfit.data.observations import Source
-from ifrfit.data.stream import ImpactStream
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum, identifiable
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -44,7 +43,7 @@ def likelihood_correction(problem: Problem, optimum: LeastSquaresFit, of: Accumu
     n = noise.count(np.arange(len(problem.rows)))
     ours = float(np.log(noise.base).sum())
     if noise.is_known:
-        theirs = sum(known.log_sigma for known in of.groups)
+        theirs = sum(known.log_sigma.high for known in of.groups)
         both = ours - theirs - (n - len(problem.rows)) * half_log_2pi
         return Correction(both, both)
     likelihood = float(np.log(noise.base).sum()) - (n - len(problem.rows)) * half_log_2pi
@@ -150,10 +149,10 @@ def facts_of_all(
     }
 
 
-def warnings_of(stream: ImpactStream, source: Source) -> list[str]:
+def warnings_of(of: Accumulated, source: Source) -> list[str]:
     """What was left out, with the first places."""
-    said = list(stream.notes)
-    for reason, places in stream.places.items():
+    said = list(of.stream.notes)
+    for reason, places in of.tally.places.items():
         count = source.rows_skipped.get(reason, 0)
         first = " (the first of them)" if count > len(places) else ""
         said.append(f"{count:,} value{'s' if count > 1 else ''} left out, {reason}: {joined(places)}{first}")

@@ -30,7 +30,8 @@ SUMS = 7
 
 def bin_of(slip: Array, cosine: Array, bins: int) -> Index:
     """Interval of each impact: equal steps of tau/(1 + tau), where tau = slip/cosine."""
-    share = slip / (slip + cosine)
+    both = slip + cosine
+    share = np.divide(slip, both, out=np.zeros_like(both), where=both > 0.0)
     return np.minimum((share * bins).astype(np.intp), bins - 1)
 
 
@@ -87,11 +88,40 @@ class Moments:
         return Moments(*_two_sum(high, low))
 
 
+@dataclass(frozen=True)
+class ExactSum:
+    """A sum of numbers that no order or parting changes, but for ties of its last bit."""
+
+    high: float = 0.0
+    low: float = 0.0
+
+    def add(self, values: Array) -> ExactSum:
+        """With some more numbers."""
+        return self.merge(ExactSum(*compiled(_exact_sum)(values)))
+
+    def merge(self, other: ExactSum) -> ExactSum:
+        """The sum of both."""
+        high, low = _two_sum(np.array([self.high]), np.array([other.high]))
+        high, low = _two_sum(high, low + (self.low + other.low))
+        return ExactSum(float(high[0]), float(low[0]))
+
+
 def _two_sum(a: Array, b: Array) -> tuple[Array, Array]:
     """The rounded sum and what rounding left, exactly."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
+
+
+def _exact_sum(values: Array) -> tuple[float, float]:
+    high, low = 0.0, 0.0
+    for i in range(values.size):
+        total = high + values[i]
+        part = total - high
+        rest = (high - (total - part)) + (values[i] - part) + low
+        high = total + rest
+        low = rest - (high - total)
+    return high, low
 
 
 def _accumulate(

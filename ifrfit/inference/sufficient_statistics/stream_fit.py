@@ -14,7 +14,6 @@ from dataclasses import replace
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import observe
 from ifrfit.data.selection import select
-from ifrfit.data.stream import ImpactStream
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.model.noise import Policy
@@ -30,12 +29,12 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
     warnings_of,
 )
 from ifrfit.inference.sufficient_statistics.moments import N
+from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.transition_window import Question
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
 
-Progress = Callable[[int, int], None]
 SampleFit = Callable[[Observations], FitResult]
 
 _MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
@@ -43,7 +42,7 @@ _METHODS = ("exact", "lsq")
 
 
 def fit_stream(
-    stream: ImpactStream,
+    reader: Reader,
     closure: Closure,
     parameters: Sequence[Parameter],
     policy: str | None,
@@ -54,13 +53,13 @@ def fit_stream(
     assumed: tuple[str, ...],
     seed: int = 0,
     command: str = "",
-    progress: Progress | None = None,
 ) -> FitResult:
     """Recover one set of constants from impacts that are not held in memory.
 
     Parameters
     ----------
-    stream : ImpactStream
+    reader : Reader
+        Of the stream.
     closure : Closure
         A bilinear one.
     parameters : sequence of Parameter
@@ -72,7 +71,7 @@ def fit_stream(
         Fits a sample that is held in memory, for the facts that look at single rows.
     separate_noise : bool
     assumed : tuple of str
-    seed, command, progress
+    seed, command
         As `ifrfit.fit`.
 
     Raises
@@ -84,29 +83,29 @@ def fit_stream(
         have to be held.
     """
     _refuse(closure, policy, estimator)
-    rows = stream.expected_rows()
-    of = Accumulated(stream, weighted=False, bins=BINS * 4 ** sum(rows >= many for many in _MANY))
-    for number, batch in enumerate(stream.batches(progress, sampled=True)):
-        if number == 0:
-            of.weighted = stream.has_sigma if policy is None else policy == "known"
-            if of.weighted and not stream.has_sigma:
-                raise DataError(
-                    f"{stream.path}: --noise known needs a column of uncertainties for each observable."
-                )
-        of.add(batch)
+    stream = reader.stream
+    weighted = stream.has_sigma if policy is None else policy == "known"
+    if weighted and not stream.has_sigma:
+        raise DataError(f"{stream.path}: --noise known needs a column of uncertainties for each observable.")
+    noise: Policy = "known" if weighted else "unknown"
+
+    def asked_of(of: Accumulated) -> Question:
+        return Question(of, closure, tuple(parameters), noise, separate_noise)
+
+    bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
+    of = reader.accumulate(weighted, bins, lambda part, coming: asked_of(part).expected_window(coming))
     if not of.groups or not of.sums[:, :, N].any():
-        reasons = "; ".join(f"{count} {reason}" for reason, count in stream.skipped.items() if count)
+        reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):
         assumed = (*assumed, "no spin before impact")
-    noise: Policy = "known" if of.weighted else "unknown"
-    question = Question(of, closure, tuple(parameters), noise, separate_noise)
-    problem, optimum, fetched = question.solve(progress)
+    question = asked_of(of)
+    problem, optimum, fetched = question.solve(reader)
     estimation = estimator.run(problem, optimum, seed=seed, progress=None)
     result = build_result(
         problem, optimum, estimation, seed=seed, command=command, assumed=assumed, brief=True
     )
-    sample = _sample(stream, fit_sample)
+    sample = _sample(of, fit_sample)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
@@ -128,7 +127,7 @@ def fit_stream(
             log_evidence=None if evidence is None else evidence + correction.of_evidence,
         ),
         facts=Deferred(lambda: facts_of_all(problem, optimum, result, sample, kinds)),
-        warnings=(*result.warnings, *warnings_of(stream, source), said),
+        warnings=(*result.warnings, *warnings_of(of, source), said),
         points=result.points.iloc[:0],
         problem=None,
         least_squares=None,
@@ -151,11 +150,12 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
         )
 
 
-def _sample(stream: ImpactStream, fit_sample: SampleFit) -> FitResult | DataError:
+def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     """The fit of the sample, or why there is none."""
-    conventions = stream.conventions
-    wanted = replace(stream.selection, observable=tuple(stream.observables))
+    stream = of.stream
+    wanted = replace(stream.selection, observable=stream.observables)
     try:
-        return fit_sample(select(observe(stream.sampled(), conventions, stream.inertia_factor), wanted))
+        sample = observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor)
+        return fit_sample(select(sample, wanted))
     except DataError as error:
         return error

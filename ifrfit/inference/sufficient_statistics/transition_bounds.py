@@ -32,7 +32,7 @@ from ifrfit.physics.impulse_laws import Coefficients
 Array = NDArray[np.float64]
 
 
-def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Array:
+def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], spread: float = 1.0) -> Array:
     """Lower bound of the misfit of one group's impacts with the transition in each interval, (bins,).
 
     Parameters
@@ -42,12 +42,14 @@ def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float]) ->
     law : Coefficients
     domain : (float, float)
         Of the closure constant; equal where it is fixed.
+    spread : float
+        Part of b that is allowed for; with less than all this is no bound but an estimate.
     """
     sums = about_zero(sums)
     upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
     below, above = upto[:-1], upto[-1] - upto[1:]
     constants = np.array(domain)
-    b = float(np.max(np.abs(law.b0 + law.b1 * constants)))
+    b = spread * float(np.max(np.abs(law.b0 + law.b1 * constants)))
     tau = edges(sums.shape[0])
     with np.errstate(invalid="ignore"):
         width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)

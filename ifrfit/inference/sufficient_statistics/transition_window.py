@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -19,14 +20,15 @@ from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
-from ifrfit.inference.sufficient_statistics.moments import N, bin_of
+from ifrfit.inference.sufficient_statistics.moments import N
+from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.transition_bounds import least_direct, least_misfit
 from ifrfit.physics.closure import Closure
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Progress = Callable[[int, int], None]
+Mask = NDArray[np.bool_]
 
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
 _MOST_ROWS = 2_000_000  # that are fetched
@@ -44,24 +46,39 @@ class Question:
     noise: Policy
     separate_noise: bool
 
-    def solve(self, progress: Progress | None) -> tuple[Problem, LeastSquaresFit, NDArray[np.bool_]]:
+    def solve(self, reader: Reader) -> tuple[Problem, LeastSquaresFit, NDArray[np.bool_]]:
         """The problem with the impacts that it needs one by one, its optimum, and their intervals."""
-        fetched = np.zeros((len(self.of.stream.series), self.of.bins), dtype=bool)
+        fetched = np.zeros((len(self.of.series), self.of.bins), dtype=bool)
         rows: list[pd.DataFrame] = []
         for _ in range(_PASSES):
             problem = self.problem(rows, fetched)
             optimum = least_squares(problem)
-            needed = self.bounds(problem) < self.value(problem, optimum) + FAR
+            needed = self.bounds() < self.value(problem, optimum) + FAR
             if not (needed & ~fetched).any():
                 return problem, optimum, fetched
-            # neighbours, too: the next optimum lies a little beside this one
-            fetched |= needed | np.roll(needed, 1, axis=1) | np.roll(needed, -1, axis=1)
+            fetched |= _with_neighbours(needed)
             self._refuse_many(fetched)
-            rows = self._fetch(fetched, progress)
+            window = self.of.window
+            inside = np.asarray(fetched.any(axis=0))
+            if (inside & ~window.inside).any():
+                window = reader.fetch(self.of.bins, inside, self.of.series)
+            rows = window.tables(fetched, self.of.series, weighted=self.of.weighted)
         raise DataError(
             f"{self.of.stream.path}: where the transition lies did not settle. Fit a part of the data "
             "in memory."
         )
+
+    def expected_window(self, coming: int) -> Mask:
+        """The intervals that will be fetched in the end, most likely, told from some rows, (bins,).
+
+        No interval where these would be too many of the rows to come.
+        """
+        # an estimate of the best value: as if an impulse factor could not differ from that of sticking
+        best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
+        expected = _with_neighbours(self.bounds() < best + 2.0 * FAR).any(axis=0)
+        groups = self._oblique()
+        share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
+        return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))
 
     def _refuse_many(self, fetched: NDArray[np.bool_]) -> None:
         n = sum(
@@ -82,34 +99,6 @@ class Question:
             if OBSERVABLES[self.of.observable_of(group)].linear is not None
         ]
 
-    def _fetch(self, fetched: NDArray[np.bool_], progress: Progress | None) -> list[pd.DataFrame]:
-        """The impacts of some intervals, in the common schema."""
-        found = []
-        stream = self.of.stream
-        for batch in stream.batches(progress):
-            i = batch.incidence
-            with np.errstate(invalid="ignore"):
-                place = bin_of(np.hypot(i.slip_x, i.slip_y), i.cosine, self.of.bins)
-            inside = fetched[batch.series, place]
-            for name in stream.observables:
-                if OBSERVABLES[name].linear is None:
-                    continue
-                at, value, sigma = batch.values[name]
-                here = inside[at]
-                if here.any():
-                    own = at[here]
-                    columns = {
-                        "series": np.array(stream.series, dtype=object)[batch.series[own]],
-                        "observable": np.full(own.size, name, dtype=object),
-                        "gamma_deg": batch.gamma_deg[own],
-                        "spin_x": i.spin_x[own],
-                        "spin_y": i.spin_y[own],
-                        "value": value[here],
-                        "sigma": sigma[here] if self.of.weighted else np.full(own.size, np.nan),
-                    }
-                    found.append(make_table(columns))
-        return found
-
     def problem(self, rows: Sequence[pd.DataFrame], fetched: NDArray[np.bool_]) -> Problem:
         """The condensed rows of all other intervals, and the impacts of these."""
         of, stream = self.of, self.of.stream
@@ -125,7 +114,7 @@ class Question:
             if not made.value.size:
                 continue
             columns = {
-                "series": np.full(made.value.size, stream.series[series], dtype=object),
+                "series": np.full(made.value.size, of.series[series], dtype=object),
                 "observable": np.full(made.value.size, name, dtype=object),
                 "gamma_deg": made.gamma_deg,
                 "value": made.value,
@@ -137,7 +126,7 @@ class Question:
             counts.append(made.count)
         table = pd.concat(tables, ignore_index=True)
         table["source"] = stream.path.name
-        table["provenance"] = next(iter(stream.provenances), "")
+        table["provenance"] = next(iter(of.tally.provenances), "")
         arrays, names = Rows.of(table.assign(impact_id=""))
         noise = NoiseModel(
             self.noise,
@@ -156,22 +145,20 @@ class Question:
     def _typical(self, group: int) -> float:
         """Root mean square of the sigma of a group; 1 where it is unknown."""
         of = self.of
-        return (
-            math.sqrt(of.groups[group].square_sigma / float(of.sums[group, :, N].sum()))
-            if of.weighted
-            else 1.0
-        )
+        return math.sqrt(of.groups[group].square_sigma.high / of.count_of(group)) if of.weighted else 1.0
 
     def _scale_of(self, table: pd.DataFrame) -> Array:
         """Sigma of fetched rows over the typical one of their groups."""
-        stream = self.of.stream
-        if not self.of.weighted:
+        of, names = self.of, self.of.stream.observables
+        if not of.weighted:
             return np.ones(len(table))
-        series = np.array([stream.series.index(name) for name in table["series"]])
-        number = np.array([stream.observables.index(name) for name in table["observable"]])
-        typical = np.array([self._typical(group) for group in range(len(self.of.groups))])
+        series, number = (
+            table[column].map({name: place for place, name in enumerate(of_all)}).to_numpy(dtype=np.intp)
+            for column, of_all in (("series", of.series), ("observable", names))
+        )
+        typical = np.array([self._typical(group) for group in range(len(of.groups))])
         sigma = table["sigma"].to_numpy(dtype=float)
-        return np.asarray(sigma / typical[series * len(stream.observables) + number])
+        return np.asarray(sigma / typical[series * len(names) + number])
 
     def _noise_bounds(self, problem: Problem) -> Mapping[str, tuple[float, float]]:
         """As `NoiseModel.bounds`, from all values."""
@@ -182,26 +169,35 @@ class Question:
                 known
                 for group, known in enumerate(self.of.groups)
                 if self.of.observable_of(group) == parts[2]
-                and (not parts[0] or self.of.stream.series[self.of.series_of(group)] == parts[0])
+                and (not parts[0] or self.of.series[self.of.series_of(group)] == parts[0])
             ]
             low = min(known.last_decimal for known in groups) / math.sqrt(12.0)
             found[name] = (low, max(1.0, *(known.largest_value for known in groups)))
         return found
 
-    def bounds(self, problem: Problem) -> Array:
-        """Least value with the transition of a series in each interval, (series, bins), see `value`."""
+    def bounds(self, spread: float = 1.0) -> Array:
+        """Least value with the transition of a series in each interval, (series, bins), see `value`.
+
+        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
+        """
         of = self.of
-        own = problem.parameters[self.closure.constant] if self.closure.constant else None
+        series, observables = len(of.series), of.stream.observables
+        constants = ParameterSet(self.parameters, tuple(of.series))
+        own = constants[self.closure.constant] if self.closure.constant else None
         domain = (0.0, 0.0) if own is None else own.ends
-        law = self.closure.law(problem.inertia_factor)
-        series, observables = len(of.stream.series), of.stream.observables
+        law = cast(Coefficients, self.closure.law(of.stream.inertia_factor))
         least = np.zeros((series, len(observables), of.bins))
         for group in range(len(of.groups)):
             number = group % len(observables)
             if OBSERVABLES[observables[number]].linear is None:
                 least[of.series_of(group), number] = least_direct(of.sums[group])
             else:
-                least[of.series_of(group), number] = least_misfit(of.sums[group], law, domain)  # type: ignore[arg-type]
+                least[of.series_of(group), number] = least_misfit(
+                    of.sums[group],
+                    law,
+                    domain,
+                    spread,
+                )
         together = not any(p.separate for p in self.parameters)
         found = np.empty((series, of.bins))
         for number in range(series):
@@ -240,7 +236,12 @@ class Question:
 
     def gap(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float | None:
         """The gap of the optimum, once no transition elsewhere can do better."""
-        beyond = self.bounds(problem)[~fetched]
+        beyond = self.bounds()[~fetched]
         if beyond.size and float(beyond.min()) < self.value(problem, optimum):
             return None
         return optimum.optimum.gap
+
+
+def _with_neighbours(intervals: Mask) -> Mask:
+    """With the intervals on either side: the next optimum lies a little beside this one."""
+    return np.asarray(intervals | np.roll(intervals, 1, axis=1) | np.roll(intervals, -1, axis=1))

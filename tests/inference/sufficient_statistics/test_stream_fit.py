@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import ifrfit
-from ifrfit.data import stream as stream_module
+from ifrfit.data.stream import files as stream_files_module
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
 from ifrfit.inference.sufficient_statistics import transition_window
@@ -230,7 +230,7 @@ def test_a_large_file_is_streamed_unasked(tmp_path, monkeypatch):
     impacts(3000).to_parquet(tmp_path / "all.parquet")
     held = ifrfit.fit(tmp_path / "all.parquet", method="lsq")
     assert held.problem is not None
-    monkeypatch.setattr(stream_module, "LARGE_ROWS", 1000)
+    monkeypatch.setattr(stream_files_module, "LARGE_ROWS", 1000)
     streamed = ifrfit.fit(tmp_path / "all.parquet", method="lsq")
     assert streamed.problem is None
     assert_same(streamed, held)

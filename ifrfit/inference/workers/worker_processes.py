@@ -31,19 +31,39 @@ def worker_processes(workers: int) -> Iterator[Executor]:
     UsageError
         If they cannot start, or an entry that was registered here cannot be imported there.
     """
-    added = [_place(registry.kind, entry, workers) for registry in _NEEDED for entry in registry.added]
-    context = get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=_register, initargs=(added,)) as pool:
+    with start_processes(workers) as pool:
         try:
             yield pool
         except BrokenProcessPool:
-            raise UsageError(
-                f"--workers {workers}: the processes could not start. In a script of your own put the call "
-                'under if __name__ == "__main__":, or take one worker.'
-            ) from None
+            raise could_not_start(workers) from None
 
 
-def _place(kind: str, entry: object, workers: int) -> tuple[str, str]:
+def start_processes(workers: int) -> ProcessPoolExecutor:
+    """As `worker_processes`, for who looks after the death of a process himself."""
+    added = registered_here(f"--workers {workers}")
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
+
+
+def could_not_start(workers: int) -> UsageError:
+    """What is said where no process lives."""
+    return UsageError(
+        f"--workers {workers}: the processes could not start. In a script of your own put the call "
+        'under if __name__ == "__main__":, or take one worker.'
+    )
+
+
+def registered_here(option: str) -> list[tuple[str, str]]:
+    """Module and name of what was plugged in here.
+
+    Raises
+    ------
+    UsageError
+        With the option that asked for other processes, where these cannot import an entry.
+    """
+    return [_place(registry.kind, entry, option) for registry in _NEEDED for entry in registry.added]
+
+
+def _place(kind: str, entry: object, option: str) -> tuple[str, str]:
     """Module and name of an entry, or of its class where that makes the same entry without arguments."""
     owner = type(entry)
     for module_name, module in tuple(sys.modules.items()):
@@ -53,7 +73,7 @@ def _place(kind: str, entry: object, workers: int) -> tuple[str, str]:
                 if value is entry or (value is owner and entry == _made(owner)):
                     return module_name, name
     raise UsageError(
-        f"--workers {workers}: other processes cannot import the {kind} '{entry.name}', which was registered "  # type: ignore[attr-defined]
+        f"{option}: other processes cannot import the {kind} '{entry.name}', which was registered "  # type: ignore[attr-defined]
         "here. Define it at the top level of a module, or take one worker."
     )
 
@@ -65,7 +85,8 @@ def _made(owner: type) -> object:
         return None
 
 
-def _register(added: list[tuple[str, str]]) -> None:
+def register(added: list[tuple[str, str]]) -> None:
+    """Register what `registered_here` told of another process, unless it is known."""
     for module, name in added:
         found = getattr(import_module(module), name)
         entry = found() if isinstance(found, type) else found

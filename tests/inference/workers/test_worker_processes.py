@@ -17,7 +17,7 @@ from factories import impacts_file
 import ifrfit
 from ifrfit import MCMC, Bootstrap, UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS
-from ifrfit.inference.worker_processes import worker_processes
+from ifrfit.inference.workers.worker_processes import worker_processes
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.registry import registered

@@ -1,0 +1,304 @@
+"""Tables of impacts that need not fit in memory: columns of files, some rows at a time.
+
+Wide tables of numbers, as Parquet or CSV (also .gz and .zst), a file or a folder of them. What a column means
+is decided where every reader decides it, by `identify` and `Layout`; rows that cannot be are counted by
+reason and left out, because one cell in a thousand million must not refuse the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.column_roles import identify
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.double_counting import measurements_of
+from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
+from ifrfit.data.selection import Selection
+from ifrfit.data.stream.files import NotStreamableError, refuse_copies, stream_files, unreadable
+from ifrfit.data.stream.portions import Piece, Portion, portions_of
+from ifrfit.data.stream.sample import Sample
+from ifrfit.data.stream.table_batches import cells_of, table_batches
+from ifrfit.data.stream.tally import Tally
+from ifrfit.data.validate import undefined_at
+from ifrfit.errors import DataError, UsageError
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.observables import FREE, OBSERVABLES
+from ifrfit.text import joined
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
+
+
+class Values(NamedTuple):
+    """Measured values of one observable.
+
+    Attributes
+    ----------
+    at : ndarray of int, (n,)
+        Impacts of the batch.
+    value, sigma : ndarray, (n,)
+        Sigma is nan without one.
+    """
+
+    at: NDArray[np.intp]
+    value: Array
+    sigma: Array
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Some impacts.
+
+    Attributes
+    ----------
+    incidence : Incidence
+    gamma_deg : ndarray, (n,)
+    series : ndarray of int, (n,)
+        Index into `Tally.series`.
+    values : mapping of str to Values
+        By observable.
+    """
+
+    incidence: Incidence
+    gamma_deg: Array
+    series: NDArray[np.intp]
+    values: Mapping[str, Values]
+
+
+@dataclass(frozen=True)
+class ImpactStream:
+    """How the impacts of some files are read: a value, which other processes may be given.
+
+    Attributes
+    ----------
+    path : Path
+        A file, or a folder.
+    portions : tuple of Portion
+        All rows.
+    conventions : Conventions
+    selection : Selection
+    inertia_factor : float
+    observables : tuple of str
+        Those that are used.
+    has_sigma : bool
+        Whether every observable that is used has a column of uncertainties.
+    has_spin : bool
+        Whether there is a column of spins before impact.
+    notes : tuple of str
+    """
+
+    path: Path
+    portions: tuple[Portion, ...]
+    conventions: Conventions
+    selection: Selection
+    inertia_factor: float
+    observables: tuple[str, ...] = ()
+    has_sigma: bool = False
+    has_spin: bool = False
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, path: Path, conventions: Conventions, selection: Selection, inertia_factor: float
+    ) -> ImpactStream:
+        """Look at the files, and choose the observables by the first one that has rows.
+
+        Raises
+        ------
+        NotStreamableError
+            For a long table, raw velocities, or observables that are not among `STREAMED`.
+        DataError
+            A file cannot be read or stands there twice, or there is none, or no row in any.
+        """
+        files = stream_files(path)
+        refuse_copies(files)
+        stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
+        for piece in (piece for portion in stream.portions for piece in portion):
+            for batch in _reading(piece):
+                if batch.num_rows:
+                    return stream._chosen(identify(cells_of(batch, piece.path, 0), conventions))
+        raise DataError(f"{path}: there is no row in these files.")
+
+    @property
+    def rows(self) -> int:
+        """How many rows the files have, from what they say of themselves or their size."""
+        return sum(piece.rows for portion in self.portions for piece in portion)
+
+    def batches(self, portion: Portion, tally: Tally, sample: Sample | None = None) -> Iterator[Batch]:
+        """The impacts of a portion, which are counted, and drawn from where there is a sample.
+
+        Raises
+        ------
+        DataError
+            A file cannot be read, or changed since it was parted, or a column is not a column of numbers.
+        """
+        for piece in portion:
+            first = piece.first
+            piece.check_unchanged()
+            for batch in _reading(piece):
+                if batch.num_rows:
+                    found, usable = self._batch(batch, piece.path, first, tally)
+                    if sample is not None:
+                        sample.draw(batch, piece.number, first, usable)
+                    yield found
+                first += batch.num_rows
+                tally.rows += batch.num_rows
+            piece.check_unchanged()
+
+    def _batch(self, batch: pa.RecordBatch, path: Path, first: int, tally: Tally) -> tuple[Batch, Mask]:
+        """The impacts of a batch, and which of its rows have nothing that was left out."""
+        cells = cells_of(batch, path, first)
+        layout = identify(cells, self.conventions)
+        spins = [np.nan_to_num(layout.numbers(name)) for name in ("spin_x", "spin_y")]
+        gamma = layout.gamma()
+        series = self._series_of(batch, layout, tally)
+        settings = self._settings(layout, gamma, spins)
+        if self.selection.series:
+            wanted = np.array([name in self.selection.series for name in tally.series])
+            settings["outside the series"] = ~wanted[series]
+        incidence = Incidence.of(np.nan_to_num(gamma), *spins, degrees=True)
+        undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
+        values = {}
+        usable = np.ones(gamma.size, dtype=bool)
+        for name in self.observables:
+            if not layout.has(name):
+                raise DataError(f"{path}: there is no column {name}, which other files have.")
+            value, sigma = layout.numbers(name), self._sigma(layout, name)
+            of = OBSERVABLES[name]
+            measured = np.isfinite(value) & (np.isfinite(gamma) if of.has_angle else True)
+            tally.skipped["not measured"] += int(value.size - np.count_nonzero(measured))
+            good = measured
+            refused = dict(settings)
+            outside = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
+            refused[f"{name} impossible"] = outside
+            for kind in of.undefined:
+                refused[f"{name} has no value there"] = undefined[kind]
+            if self.has_sigma:
+                low, high = SIGMA_RANGE
+                refused[f"sigma of {name}"] = ~((sigma >= low) & (sigma <= high))
+            for reason, bad in refused.items():
+                tally.leave_out(good & bad, reason, cells)
+                good = good & ~bad
+            usable &= good | ~measured
+            at = np.flatnonzero(good)
+            values[name] = Values(at, value[at], sigma[at])
+        return Batch(incidence, np.nan_to_num(gamma), series, values), usable
+
+    def _chosen(self, layout: Layout) -> ImpactStream:
+        """With the observables, as far as none of them counts an impact twice."""
+        path = layout.cells.file
+        if layout.has("observable") or layout.has("value"):
+            raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
+        others = [key for key in layout.columns if key.startswith(("raw:", "sd:")) or key == "n_repeats"]
+        if others:
+            raise NotStreamableError(
+                f"{path}: {layout.header(others[0])} needs the reader that holds the table in memory; a "
+                f"table that is streamed has columns of {', '.join(STREAMED)}."
+            )
+        there = [name for name in OBSERVABLES if layout.has(name)]
+        wanted = self.selection.observable or tuple(there)
+        missing = [name for name in wanted if name not in there]
+        if missing or not wanted:
+            raise UsageError(
+                f"{path}: there is no column of {missing[0] if missing else 'an observable'}. "
+                f"There is {joined(there) or 'none'}."
+            )
+        taken: set[str] = set()
+        used, dropped = [], []
+        for name in (name for name in OBSERVABLES if name in wanted):
+            own = measurements_of(name)
+            if own & taken and not self.selection.independent:
+                dropped.append(name)
+                continue
+            taken |= own
+            used.append(name)
+        odd = [name for name in used if name not in STREAMED]
+        if odd:
+            raise NotStreamableError(
+                f"{path}: {odd[0]} is read into memory; what is streamed is {', '.join(STREAMED)}. Choose "
+                "one by --observable."
+            )
+        if any(OBSERVABLES[n].has_angle for n in used) and not (
+            layout.has("gamma") or layout.has("tan_gamma")
+        ):
+            raise DataError(f"{path}: there is no incidence angle. Add a column gamma_deg (from the normal).")
+        note = (
+            f"{Path(path).name}: {joined(used)} used, {joined(dropped)} left out: they are of the same "
+            "impacts and would count them twice"
+        )
+        return replace(
+            self,
+            observables=tuple(used),
+            has_sigma=all(
+                layout.has(f"sigma:{name}") or (layout.has("sigma") and len(used) == 1) for name in used
+            ),
+            has_spin=layout.has("spin_x") or layout.has("spin_y"),
+            notes=(note,) if dropped else (),
+        )
+
+    def _sigma(self, layout: Layout, name: str) -> Array:
+        return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")
+
+    def _settings(self, layout: Layout, gamma: Array, spins: Sequence[Array]) -> dict[str, Mask]:
+        """Impacts whose setting is impossible, or not among those that were asked for, by reason."""
+        speed = layout.numbers("speed")
+        low, high = SPEED_RANGE
+        size = [np.abs(spin) for spin in spins]
+        found = {
+            "angle outside 0 to 90 degrees": (gamma < 0.0) | (gamma > 90.0),
+            "spin impossible": np.any([(x > FREE) | ((x < TINY) & (x > 0.0)) for x in size], axis=0),
+            "speed impossible": (speed < low) | (speed > high),
+        }
+        for name, (least, most) in self.selection.ranges.items():
+            values = gamma if name == "gamma" else speed
+            inside = (values >= (-math.inf if least is None else least)) & (
+                values <= (math.inf if most is None else most)
+            )
+            if name == "gamma":
+                inside |= np.isnan(gamma)
+            found[f"outside {name} range"] = ~inside
+        return {reason: bad for reason, bad in found.items() if bad.any()}
+
+    def _series_of(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> NDArray[np.intp]:
+        self._note_provenance(batch, layout, tally)
+        if not layout.has("series"):
+            return np.full(batch.num_rows, tally.numbers_of([self.path.stem])[0], dtype=np.intp)
+        column = batch.column(layout.columns["series"].index).cast("string").fill_null("")
+        encoded = column.dictionary_encode()
+        numbers = tally.numbers_of([text or self.path.stem for text in encoded.dictionary.to_pylist()])
+        return np.asarray(numbers[encoded.indices.to_numpy()], dtype=np.intp)
+
+    def _note_provenance(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> None:
+        said = self.conventions.provenance
+        if not layout.has("provenance"):
+            tally.provenances[said] = None
+            return
+        column = batch.column(layout.columns["provenance"].index).cast("string").fill_null("")
+        for text in column.unique().to_pylist():
+            name = provenance_name(text)
+            if name is None:
+                raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
+            tally.provenances[name or said] = None
+
+
+def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:
+    """The rows of a piece; whatever is wrong with the file is said with its name."""
+    import pyarrow as pa
+
+    try:
+        yield from table_batches(piece)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise unreadable(piece.path, error) from None
