@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -41,16 +42,26 @@ def fit(
 
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
+    streams = _streams(question["data"])
     resume = getattr(question["method"], "resume", None)
     if resume is not None and out is None:
-        out, force = resume, True
+        out, force = Path(resume), True
+    elif streams and out is not None and hasattr(question["method"], "scheduler"):
+        # what is read is kept beside the results to be, so that the same command goes on with it
+        question["method"] = replace(question["method"], resume=out)
     if out is not None and not force:
         from ifrfit.report.atomic_folder import check_free
         from ifrfit.report.folder import FIT
 
         check_free(out, force=False, of=FIT)
-    with working(quiet or as_json) as progress:
-        result = run(**question, progress=progress, command=command_line())
+    with working(quiet or as_json, of="rows" if streams else "steps") as progress:
+        try:
+            result = run(**question, progress=progress, command=command_line())
+        except KeyboardInterrupt:
+            kept = streams and out is not None
+            more = " What was read is kept: the same command goes on." if kept else ""
+            typer.echo(f"ifrfit: interrupted.{more}", err=True)
+            raise typer.Exit(130) from None
         table = result.intervals() if intervals else None
         written = _write(result, out, force)
     more = ""
@@ -64,6 +75,15 @@ def fit(
         reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
         converged = result.facts["converged"]
         insist([*reasons, *([] if converged.ok else [converged.says])])
+
+
+def _streams(data: list[str]) -> bool:
+    """Whether the data are not held in memory."""
+    if len(data) != 1:
+        return False
+    from ifrfit.data.stream.files import is_stream
+
+    return is_stream(Path(data[0]))
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:

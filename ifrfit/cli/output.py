@@ -100,14 +100,16 @@ def working(
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-    shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
+    shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*shown, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None)
 
         def progress(done: int, most: int) -> None:
-            words = f"{done:,} {of}, {most:,} at most"
+            speed = bar.tasks[0].speed
+            rate = f", {speed:,.0f} a second" if speed else ""
+            words = f"{done:,} {of}, {most:,} at most{rate}"
             bar.update(task, description=words, completed=done, total=most)
 
         yield progress

@@ -151,7 +151,7 @@ def _scheduler() -> Any:
     return option(None, says, metavar="ADDRESS")
 
 
-def held_in_memory(estimator: Estimator) -> None:
+def refuse_crew_in_memory(estimator: Estimator) -> None:
     """Refuse what is only for data that are not held in memory.
 
     Raises

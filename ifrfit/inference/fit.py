@@ -16,7 +16,7 @@ from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, held_in_memory, refuses_offset
+from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset
 from ifrfit.inference.keywords import (
     FitKeywords,
     check_keywords,
@@ -118,7 +118,7 @@ def fit(
     )
     if streamed is not None:
         return streamed
-    held_in_memory(estimator)
+    refuse_crew_in_memory(estimator)
     question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))

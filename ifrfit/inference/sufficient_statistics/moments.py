@@ -101,6 +101,7 @@ class ExactSum:
 
     def merge(self, other: ExactSum) -> ExactSum:
         """The sum of both."""
+        # an addend may come with more in its low part than its high part has in its last digit
         high, low = _two_sum(np.array([self.high]), np.array([other.high]))
         high, low = _two_sum(high, low + (self.low + other.low))
         return ExactSum(float(high[0]), float(low[0]))
@@ -114,13 +115,13 @@ def _two_sum(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _exact_sum(values: Array) -> tuple[float, float]:
+    # what rounding leaves is added up beside: small as it is, its own rounding is of second order
     high, low = 0.0, 0.0
     for i in range(values.size):
         total = high + values[i]
         part = total - high
-        rest = (high - (total - part)) + (values[i] - part) + low
-        high = total + rest
-        low = rest - (high - total)
+        low += (high - (total - part)) + (values[i] - part)
+        high = total
     return high, low
 
 

@@ -145,7 +145,8 @@ class Question:
     def _typical(self, group: int) -> float:
         """Root mean square of the sigma of a group; 1 where it is unknown."""
         of = self.of
-        return math.sqrt(of.groups[group].square_sigma.high / of.count_of(group)) if of.weighted else 1.0
+        count = of.count_of(group)
+        return math.sqrt(of.groups[group].square_sigma.high / count) if of.weighted and count else 1.0
 
     def _scale_of(self, table: pd.DataFrame) -> Array:
         """Sigma of fetched rows over the typical one of their groups."""

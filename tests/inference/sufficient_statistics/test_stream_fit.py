@@ -2,56 +2,19 @@
 
 from __future__ import annotations
 
-import gzip
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
+from streams import folder_of, impacts
 
 import ifrfit
 from ifrfit.data.stream import files as stream_files_module
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
 from ifrfit.inference.sufficient_statistics import transition_window
-from ifrfit.physics import OBSERVABLES, rebound
 
 pytest.importorskip("numba")
-TRUTH = {"e_n": 0.9, "e_t": -0.7, "mu": 0.15}
-
-
-def impacts(n, seed=0, *, columns=("beta", "e_n"), spin=0.3, sigma=0.03, series=1, **truth):
-    """A wide table with sigma that differ, and spins."""
-    rng = np.random.default_rng(seed)
-    gamma, spin_y = rng.uniform(1.0, 88.0, n), spin * rng.standard_normal(n)
-    own = TRUTH | truth
-    state = rebound(gamma, 0.0, spin_y, degrees=True, **own)
-    table = pd.DataFrame({"gamma_deg": gamma, "spin_y": spin_y})
-    for name in columns:
-        each = sigma * np.exp(0.3 * rng.standard_normal(n))
-        values = OBSERVABLES[name].value(state, np.asarray(own["mu"])) + np.zeros(n)
-        table[name] = values + each * rng.standard_normal(n)
-        if name == "v_n":
-            table.loc[table[name] < 0.0, name] = np.nan  # noise beyond what can be
-        table[f"sigma_{name}"] = each
-    if series > 1:
-        table["series"] = [f"s{number}" for number in rng.integers(series, size=n)]
-    return table
-
-
-def folder_of(path, table, parts=3, suffix="csv"):
-    """The table in several files of a folder."""
-    path.mkdir()
-    for number, rows in enumerate(np.array_split(np.arange(len(table)), parts)):
-        part = table.iloc[rows]
-        if suffix == "parquet":
-            part.to_parquet(path / f"{number}.parquet", row_group_size=700)
-        elif suffix == "csv.gz":
-            with gzip.open(path / f"{number}.csv.gz", "wt", encoding="utf-8") as file:
-                part.to_csv(file, index=False)
-        else:
-            part.to_csv(path / f"{number}.csv", index=False)
-    return path
 
 
 def both(tmp_path, table, suffix="parquet", **options):
@@ -120,20 +83,6 @@ def test_text_files(tmp_path, suffix):
     table = impacts(3000).round(6)
     table.loc[5, "beta"] = np.nan
     assert_same(*both(tmp_path, table, suffix=suffix, method="lsq"))
-
-
-def test_neither_parts_nor_their_order_change_a_bit(tmp_path):
-    table = impacts(5000)
-    found = []
-    for parts in (1, 2, 7):
-        folder = folder_of(tmp_path / f"{parts}", table, parts, "parquet")
-        found.append(ifrfit.fit(folder, method="lsq", noise="known"))
-    reversed_rows = folder_of(tmp_path / "reversed", table.iloc[::-1], 4, "parquet")
-    found.append(ifrfit.fit(reversed_rows, method="lsq", noise="known"))
-    for fit in found[1:]:
-        for name in TRUTH:
-            assert fit.constants[name].value == pytest.approx(found[0].constants[name].value, rel=1e-14)
-            assert fit.constants[name].stderr == pytest.approx(found[0].constants[name].stderr, rel=1e-13)
 
 
 def test_rows_that_cannot_be_are_counted_and_named(tmp_path):

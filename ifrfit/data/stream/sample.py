@@ -1,0 +1,106 @@
+"""A random sample of rows for who must see them one by one, the same however the rows are parted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.cell_table import Cells
+from ifrfit.data.stream.table_batches import cells_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SAMPLE = 20_000  # impacts that are looked at one by one
+_SPARE = 4  # a guess of how many rows there are may be so many times too large
+
+
+@dataclass
+class Sample:
+    """The rows with the least lots.
+
+    Attributes
+    ----------
+    below : int
+        Rows with greater lots need not be looked at: there are enough of others.
+    drawn : list
+        Lots and rows, batch by batch.
+    """
+
+    below: int
+    drawn: list[tuple[NDArray[np.uint64], Any]] = field(default_factory=list)
+
+    @staticmethod
+    def below_of(rows: int) -> int:
+        """The lot below which enough of so many rows lie."""
+        return min(2**64 - 1, (2**64 // max(rows, 1)) * SAMPLE * _SPARE)
+
+    def draw(self, batch: pa.RecordBatch, number: int, first: int, usable: NDArray[np.bool_]) -> None:
+        """Draw from some rows of file `number`, from `first` on."""
+        lots = _lots(number, first, batch.num_rows)
+        at = np.flatnonzero(usable & (lots < np.uint64(self.below)))
+        if at.size:
+            self.drawn.append((lots[at], batch.take(at)))
+        self._tidy()
+
+    def merge(self, following: Sample) -> None:
+        """Add what was drawn elsewhere."""
+        self.drawn += following.drawn
+        self._tidy()
+
+    def _tidy(self) -> None:
+        """Let go of what is beyond the sample, and put many small parts together."""
+        if sum(lot.size for lot, _ in self.drawn) <= 2 * SAMPLE and len(self.drawn) <= 50:
+            return
+        lots, rows = self._joined()
+        best = np.sort(np.argpartition(lots, SAMPLE)[:SAMPLE]) if lots.size > SAMPLE else np.arange(lots.size)
+        self.drawn = [(lots[best], rows.take(best).combine_chunks().to_batches()[0])]
+
+    def _joined(self) -> tuple[NDArray[np.uint64], pa.Table]:
+        import pyarrow as pa
+
+        tables = [pa.Table.from_batches([rows]) for _, rows in self.drawn]
+        lots = np.concatenate([lot for lot, _ in self.drawn])
+        return lots, pa.concat_tables(tables, promote_options="permissive")
+
+    def cells(self, path: Path) -> Cells:
+        """The sample as a table, in the order of the lots."""
+        lots, rows = self._joined()
+        table = rows.take(np.argsort(lots, kind="stable")[:SAMPLE]).combine_chunks()
+        return cells_of(table.to_batches()[0], path, 0, texts=True)
+
+    def to_bytes(self) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+        """Lots, and the rows as an Arrow file."""
+        import pyarrow as pa
+
+        if not self.drawn:
+            return np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.uint8)
+        lots, rows = self._joined()
+        sink = pa.BufferOutputStream()
+        with pa.ipc.new_stream(sink, rows.schema) as writer:
+            writer.write_table(rows)
+        return lots, np.frombuffer(sink.getvalue(), dtype=np.uint8)
+
+    @classmethod
+    def of_bytes(cls, below: int, lots: NDArray[np.uint64], rows: NDArray[np.uint8]) -> Sample:
+        """What `to_bytes` gave."""
+        import pyarrow as pa
+
+        if not lots.size:
+            return cls(below)
+        table = pa.ipc.open_stream(rows.tobytes()).read_all().combine_chunks()
+        return cls(below, [(lots, table.to_batches()[0])])
+
+
+def _lots(number: int, first: int, n: int) -> NDArray[np.uint64]:
+    """A random number of each row, the same whenever it is asked for (splitmix64, Steele et al. 2014)."""
+    z = np.arange(first, first + n, dtype=np.uint64) + (np.uint64(number) << np.uint64(40))
+    with np.errstate(over="ignore"):
+        z = (z + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(z ^ (z >> np.uint64(31)), dtype=np.uint64)

@@ -1,0 +1,86 @@
+"""Rows of a Parquet or CSV file, some at a time, as columns of numbers."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.data.cell_table import NOT_MEASURED, Cells
+from ifrfit.data.column_names import role_of
+from ifrfit.data.stream.files import NotStreamableError, is_text
+from ifrfit.data.stream.portions import Piece
+from ifrfit.errors import DataError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_BATCH = 1 << 15
+_INDEX = "__index_level_"
+
+
+def table_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
+    """The rows of a piece."""
+    return _csv_batches(piece.path) if is_text(piece.path) else _parquet_batches(piece)
+
+
+def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = False) -> Cells:
+    """Columns of numbers as cells; texts are looked at elsewhere unless asked for."""
+    import pyarrow as pa
+
+    columns: list[Any] = []
+    headers = [str(name).strip() for name in batch.schema.names]
+    for name, column in zip(headers, batch.columns, strict=True):
+        kind = column.type
+        if pa.types.is_dictionary(kind):
+            column, kind = column.cast(kind.value_type), kind.value_type
+        if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind):
+            columns.append(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+        elif texts and (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+            columns.append([cell or "" for cell in column.to_pylist()])
+        else:
+            columns.append(DataError(f"{path}, column {name}: holds {kind}, not numbers. Convert it."))
+    has_header = is_text(path)
+    lines = np.arange(first + 1 + has_header, first + 1 + has_header + batch.num_rows)
+    return Cells(str(path), "", headers, 1, lines, columns, word="line" if has_header else "row")
+
+
+def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
+    """Row groups, a column chunk at a time: what is read ahead would be held."""
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(piece.path, pre_buffer=False) as file:
+        # pandas leaves the numbers of the rows there where some of them were dropped
+        columns = [name for name in file.schema_arrow.names if not name.startswith(_INDEX)]
+        groups = list(piece.row_groups)
+        yield from file.iter_batches(_BATCH, row_groups=groups, columns=columns, use_threads=False)
+
+
+def _csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
+    """Plain CSV: a header in the first line, commas between cells, points in numbers; labels stay text."""
+    import pyarrow as pa
+    import pyarrow.csv
+
+    with pa.input_stream(str(path)) as stream:
+        head = stream.read(1 << 16)
+    text = head.decode("utf-8-sig", errors="replace")
+    header = next(iter(text.splitlines()), "")
+    if header.startswith("#") or ";" in header or "\t" in header or "," not in header:
+        raise NotStreamableError(
+            f"{path}: the first line is no plain header of names between commas, as a file needs that is not "
+            "held in memory. Write such a header, or Parquet."
+        )
+    types = {
+        name: pa.string() if role_of(name.strip()).dimension == "text" else pa.float64()
+        for name in next(csv.reader([header]))
+    }
+    options = pa.csv.ConvertOptions(
+        column_types=types, null_values=[*NOT_MEASURED, "NaN", "NA", "N/A", "#N/A"]
+    )
+    with pa.csv.open_csv(
+        path, pa.csv.ReadOptions(use_threads=False, block_size=1 << 23), convert_options=options
+    ) as reader:
+        yield from reader

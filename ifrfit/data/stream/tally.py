@@ -1,0 +1,99 @@
+"""What was met while rows were read: how many, which were left out and why, and from where they come."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.cell_table import Cells
+from ifrfit.errors import UsageError
+
+_FEW_PLACES = 3
+_MOST_SERIES = 200
+
+
+@dataclass
+class Tally:
+    """Counts of rows and values.
+
+    Attributes
+    ----------
+    rows : int
+    series : list of str
+        Those met, in their order.
+    skipped : Counter
+        Values left out, by reason.
+    places : dict
+        First places of each reason.
+    provenances : dict
+        Those met, in their order.
+    """
+
+    rows: int = 0
+    series: list[str] = field(default_factory=list)
+    skipped: Counter[str] = field(default_factory=Counter)
+    places: dict[str, list[str]] = field(default_factory=dict)
+    provenances: dict[str, None] = field(default_factory=dict)
+
+    def leave_out(self, bad: NDArray[np.bool_], reason: str, cells: Cells) -> None:
+        """Count values that are left out; those outside of a range that was asked for have no places."""
+        count = int(np.count_nonzero(bad))
+        if not count:
+            return
+        self.skipped[reason] += count
+        if not reason.startswith("outside "):
+            self._name(reason, [cells.at(row) for row in np.flatnonzero(bad)[:_FEW_PLACES].tolist()])
+
+    def numbers_of(self, names: list[str]) -> NDArray[np.intp]:
+        """Place of each series among those met.
+
+        Raises
+        ------
+        UsageError
+            There are too many.
+        """
+        self.series += [name for name in dict.fromkeys(names) if name not in self.series]
+        if len(self.series) > _MOST_SERIES:
+            raise UsageError(
+                f"There are more than {_MOST_SERIES} series in these data. ifrfit campaign fits each by "
+                "itself."
+            )
+        return np.array([self.series.index(name) for name in names], dtype=np.intp)
+
+    def merge(self, following: Tally) -> NDArray[np.intp]:
+        """Add what was met later; gives the place here of each of its series."""
+        self.rows += following.rows
+        self.skipped.update(following.skipped)
+        for reason, places in following.places.items():
+            self._name(reason, places)
+        self.provenances.update(following.provenances)
+        return self.numbers_of(following.series)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return {
+            "rows": self.rows,
+            "series": self.series,
+            "skipped": dict(self.skipped),
+            "places": self.places,
+            "provenances": list(self.provenances),
+        }
+
+    @classmethod
+    def of_dict(cls, found: dict[str, Any]) -> Tally:
+        """What `to_dict` gave."""
+        return cls(
+            found["rows"],
+            found["series"],
+            Counter(found["skipped"]),
+            found["places"],
+            dict.fromkeys(found["provenances"]),
+        )
+
+    def _name(self, reason: str, places: list[str]) -> None:
+        known = self.places.setdefault(reason, [])
+        known += [place for place in dict.fromkeys(places) if place not in known][: _FEW_PLACES - len(known)]

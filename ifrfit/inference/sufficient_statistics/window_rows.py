@@ -1,0 +1,82 @@
+"""Impacts of the intervals of tau that a transition may lie in, kept one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ifrfit.data.observations import make_table
+from ifrfit.data.stream.impact_stream import Batch, Values
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_SERIES, _PLACE, _GAMMA, _SPIN_X, _SPIN_Y, _VALUE, _SIGMA = range(7)
+
+
+@dataclass
+class WindowRows:
+    """Rows of some intervals.
+
+    Attributes
+    ----------
+    inside : ndarray of bool, (bins,)
+        The intervals.
+    parts : dict of str to list of ndarray, (7, k)
+        By observable, in the order of the rows: series, interval, angle in degrees, spins, value, sigma.
+    """
+
+    inside: Mask
+    parts: dict[str, list[Array]] = field(default_factory=dict)
+
+    def add(self, name: str, batch: Batch, values: Values, place: Index) -> None:
+        """Keep those values of an observable that lie inside."""
+        if not self.inside.any():
+            return
+        here = np.flatnonzero(self.inside[place])
+        if not here.size:
+            return
+        own, i = values.at[here], batch.incidence
+        columns = (batch.series[own], place[here], batch.gamma_deg[own], i.spin_x[own], i.spin_y[own])
+        self.parts.setdefault(name, []).append(
+            np.stack([*map(np.asarray, columns), values.value[here], values.sigma[here]]).astype(float)
+        )
+
+    def merge(self, following: WindowRows, series: Index) -> None:
+        """Add those of later rows; `series` are the places here of their series."""
+        for name, parts in following.parts.items():
+            for part in parts:
+                part[_SERIES] = series[part[_SERIES].astype(np.intp)]
+            self.parts.setdefault(name, []).extend(parts)
+
+    def narrow(self, inside: Mask) -> None:
+        """Let go of what lies in other intervals than these."""
+        self.inside = self.inside & inside
+        for name, found in self.arrays().items():
+            self.parts[name] = [found[:, self.inside[found[_PLACE].astype(np.intp)]]]
+
+    def arrays(self) -> dict[str, Array]:
+        """By observable, (7, n)."""
+        return {name: np.concatenate(parts, axis=1) for name, parts in self.parts.items()}
+
+    def tables(self, intervals: Mask, series: list[str], *, weighted: bool) -> list[pd.DataFrame]:
+        """The rows of the intervals intervals of each series, (series, bins), in the common schema."""
+        found = []
+        for name, rows in sorted(self.arrays().items()):
+            rows = rows[:, intervals[rows[_SERIES].astype(np.intp), rows[_PLACE].astype(np.intp)]]
+            if rows.shape[1]:
+                columns = {
+                    "series": np.array(series, dtype=object)[rows[_SERIES].astype(np.intp)],
+                    "observable": np.full(rows.shape[1], name, dtype=object),
+                    "gamma_deg": rows[_GAMMA],
+                    "spin_x": rows[_SPIN_X],
+                    "spin_y": rows[_SPIN_Y],
+                    "value": rows[_VALUE],
+                    "sigma": rows[_SIGMA] if weighted else np.full(rows.shape[1], np.nan),
+                }
+                found.append(make_table(columns))
+        return found

@@ -1,0 +1,229 @@
+"""Who reads the rows, in what parts, and how often it was interrupted: none of it changes a bit."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+import pytest
+from streams import folder_of, impacts
+
+import ifrfit
+from ifrfit.data.stream import portions
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.estimators import Exact, LeastSquares
+from ifrfit.inference.sufficient_statistics import passes, transition_window, unfinished_pass
+from ifrfit.inference.workers import crews
+
+pytest.importorskip("numba")
+NAMES = ("e_n", "e_t", "mu")
+
+
+@pytest.fixture(autouse=True)
+def small_portions(monkeypatch):
+    """So small that a folder of some thousand rows has many."""
+    monkeypatch.setattr(portions, "FIRST_ROWS", 600)
+    monkeypatch.setattr(portions, "ROWS", 600)
+    monkeypatch.setattr(passes, "FIRST_ROWS", 600)
+
+
+def record_of(fit):
+    """All that a result file says, but for the time."""
+    return {key: value for key, value in fit.to_dict().items() if key not in ("created", "command")}
+
+
+def test_portions_hold_every_row_once(tmp_path):
+    table = impacts(5000)
+    files = sorted(folder_of(tmp_path / "all", table, 3, "parquet").iterdir())
+    found = portions.portions_of(files)
+    assert len(found) > 5
+    for number, path in enumerate(files):
+        pieces = [piece for portion in found for piece in portion if piece.number == number]
+        assert all(piece.path == path for piece in pieces)
+        firsts = np.cumsum([0, *(piece.rows for piece in pieces)])
+        assert [piece.first for piece in pieces] == firsts[:-1].tolist()
+        assert [group for piece in pieces for group in piece.row_groups] == list(range(3))
+    assert sum(piece.rows for portion in found for piece in portion) == 5000
+
+
+@pytest.mark.parametrize("series", [1, 3])
+def test_workers_change_no_bit(tmp_path, series):
+    folder = folder_of(tmp_path / "all", impacts(4000, series=series), 3, "parquet")
+    alone = record_of(ifrfit.fit(folder, method="exact"))
+    for workers in (2, 7):
+        assert record_of(ifrfit.fit(folder, method=Exact(workers=workers))) == alone
+
+
+def test_parts_change_no_bit_of_the_constants(tmp_path):
+    table = impacts(5000)
+    found = []
+    for parts in (1, 2, 7):
+        folder = folder_of(tmp_path / f"{parts}", table, parts, "parquet")
+        found.append(ifrfit.fit(folder, method="lsq", noise="known"))
+    for fit in found[1:]:
+        for name in NAMES:
+            assert fit.constants[name].value == found[0].constants[name].value
+            assert fit.constants[name].stderr == found[0].constants[name].stderr
+        assert fit.fit.chi2 == found[0].fit.chi2
+        assert fit.fit.log_likelihood == found[0].fit.log_likelihood
+
+
+def test_a_window_told_too_early_costs_a_pass_and_no_digit(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
+    alone = record_of(ifrfit.fit(folder, method="lsq"))
+    fetched = []
+    fetch = passes.Reader.fetch
+
+    def counted(*given):
+        fetched.append(1)
+        return fetch(*given)
+
+    def nowhere(question, coming):
+        return np.zeros(question.of.bins, dtype=bool)
+
+    monkeypatch.setattr(passes.Reader, "fetch", counted)
+    assert record_of(ifrfit.fit(folder, method="lsq")) == alone
+    assert not fetched
+    monkeypatch.setattr(transition_window.Question, "expected_window", nowhere)
+    assert record_of(ifrfit.fit(folder, method="lsq")) == alone
+    assert fetched
+
+
+def test_a_long_first_portion_is_looked_into_first(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
+    alone = record_of(ifrfit.fit(folder, method="lsq"))
+    monkeypatch.setattr(passes, "_MOST_KEPT", 10)
+    assert record_of(ifrfit.fit(folder, method="lsq")) == alone
+
+
+def interrupting(after):
+    """Progress that is interrupted when so many rows are read."""
+
+    def progress(done, most):
+        if done >= after:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_an_interrupted_fit_goes_on(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(5000, series=2), 3, "parquet")
+    alone = record_of(ifrfit.fit(folder, method="exact"))
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        ifrfit.fit(folder, method=Exact(resume=out), progress=interrupting(3000))
+    kept = list((tmp_path / "out.unfinished").iterdir())
+    assert len(kept) >= 3
+    read = []
+    monkeypatch.setattr(
+        passes,
+        "_sums",
+        lambda nothing, tell, wanted, _=passes._sums: read.extend(wanted) or _(nothing, tell, wanted),
+    )
+    assert record_of(ifrfit.fit(folder, method=Exact(resume=out))) == alone
+    assert len(read) == len(portions.portions_of(sorted(folder.iterdir()))) - len(kept)
+    assert not (tmp_path / "out.unfinished").exists()
+
+
+def test_what_was_kept_of_other_files_or_questions_is_not_used(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        ifrfit.fit(folder, method=LeastSquares(resume=out), progress=interrupting(3000))
+    assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out), gamma_max=60.0)) == record_of(
+        ifrfit.fit(folder, method="lsq", gamma_max=60.0)
+    )
+    with pytest.raises(KeyboardInterrupt):
+        ifrfit.fit(folder, method=LeastSquares(resume=out), progress=interrupting(3000))
+    impacts(1700, seed=8).to_parquet(folder / "1.parquet", row_group_size=500)
+    assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out))) == record_of(
+        ifrfit.fit(folder, method="lsq")
+    )
+
+
+def test_a_damaged_part_and_a_full_disk_are_told(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        ifrfit.fit(folder, method=LeastSquares(resume=out), progress=interrupting(3000))
+    part = min((tmp_path / "out.unfinished").iterdir())
+    whole = part.read_bytes()
+    part.write_bytes(whole[:100])
+    with pytest.raises(UsageError, match=r"part-.*damaged\. Remove it"):
+        ifrfit.fit(folder, method=LeastSquares(resume=out))
+    part.unlink()
+
+    def full(*given, **named):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(unfinished_pass.np, "savez", full)
+    with pytest.raises(UsageError, match="No space left on device"):
+        ifrfit.fit(folder, method=LeastSquares(resume=out))
+    assert not list((tmp_path / "out.unfinished").glob("*.new"))
+
+
+def test_a_file_that_changes_while_it_is_read(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+
+    def progress(done, most):
+        os.utime(folder / "2.parquet", (1, 1))
+
+    with pytest.raises(DataError, match=r"2\.parquet: it changed while it was read"):
+        ifrfit.fit(folder, method="lsq", progress=progress)
+
+
+def test_only_some_series(tmp_path):
+    table = impacts(4000, series=3)
+    folder = folder_of(tmp_path / "all", table, 3, "parquet")
+    own = folder_of(tmp_path / "own", table[table["series"] != "s1"], 3, "parquet")
+    some, alone = (
+        ifrfit.fit(folder, method="lsq", series=("s0", "s2")),
+        ifrfit.fit(own, method="lsq"),
+    )
+    assert some.fit.n == alone.fit.n
+    for name in NAMES:
+        assert some.constants[name].value == pytest.approx(alone.constants[name].value, rel=1e-12)
+    assert dict(some.inputs[0].rows_skipped)["outside the series"] > 1000
+
+
+def test_what_is_asked_of_data_in_memory(tmp_path):
+    impacts(300).to_csv(tmp_path / "few.csv", index=False)
+    for given, option in (
+        ({"workers": 2}, "--workers"),
+        ({"scheduler": "tcp://x:1"}, "--scheduler"),
+        ({"resume": "x"}, "--resume"),
+    ):
+        with pytest.raises(UsageError, match=f"{option}: these data are held in memory"):
+            ifrfit.fit(tmp_path / "few.csv", method=Exact(**given))
+    with pytest.raises(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
+        pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+def test_a_worker_that_is_killed_changes_no_bit(tmp_path, monkeypatch):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+    alone = record_of(ifrfit.fit(folder, method="lsq"))
+    killed = []
+    start = crews.start_processes
+
+    def started(workers):
+        pool = start(workers)
+        if not killed:
+
+            def submit(*given, _=pool.submit):
+                future = _(*given)
+                time.sleep(0.01)
+                if not killed:
+                    killed.append(next(iter(pool._processes)))
+                    os.kill(killed[0], signal.SIGKILL)
+                return future
+
+            pool.submit = submit
+        return pool
+
+    monkeypatch.setattr(crews, "start_processes", started)
+    assert record_of(ifrfit.fit(folder, method=LeastSquares(workers=2))) == alone
+    assert killed
