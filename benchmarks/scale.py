@@ -3,19 +3,23 @@
     python benchmarks/scale.py 1e6 1e7
 
 Writes Parquet (and CSV of the first size) and measures in one run, each in a process of its own: reading the
-columns with pyarrow; the sums from memory; the whole fit; pandas and lmfit; scipy on the full arrays. CPU
-seconds and peak memory, as a table in Markdown; ratios are what it is about.
+columns with pyarrow; the sums from memory; the whole fit; the same sums by DuckDB and by Polars; pandas and
+lmfit; scipy on the full arrays; two worker processes. CPU seconds (of the process itself), seconds, and its
+peak memory, as a table in Markdown; ratios are what it is about.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
 _READ = """
 import pyarrow.parquet as pq
 pq.read_table(PATH, columns=["gamma_deg", "beta", "e_n", "sigma_beta", "sigma_e_n"], use_threads=False)
@@ -83,29 +87,67 @@ for first in range(0, N, 1_000_000):
     writer.write_table(table)
 writer.close()
 """
+_DUCKDB = """
+import duckdb
+connection = duckdb.connect()
+connection.execute("set threads to 1")
+of_beta = '''select least(cast(floor(t / (1 + t) * 2048) as int), 2047) as place, count(*), sum(w * 12.25),
+    sum(w * 12.25 / t), sum(w * 12.25 / t / t), sum(w * 3.5 * r), sum(w * 3.5 * r / t), sum(w * r * r)
+    from (select tan(radians(gamma_deg)) as t, beta + 1 as r, 1 / sigma_beta ** 2 as w from read_parquet(?))
+    group by place'''
+of_e_n = '''select count(*), sum(w), sum(w * e_n), sum(w * e_n * e_n)
+    from (select e_n, 1 / sigma_e_n ** 2 as w from read_parquet(?))'''
+connection.execute(of_beta, [PATH]).fetchnumpy()
+connection.execute(of_e_n, [PATH]).fetchnumpy()
+"""
+_POLARS = """
+import polars as pl
+c = pl.col
+t, r, w = c("gamma_deg").radians().tan(), c("beta") + 1.0, c("sigma_beta") ** -2.0
+rows = pl.scan_parquet(PATH).with_columns(t=t, r=r, w=w, v=c("sigma_e_n") ** -2.0)
+place = (c("t") / (c("t") + 1.0) * 2048).cast(pl.Int32).clip(0, 2047)
+rows = rows.with_columns(place=place, ws=c("w") * 12.25)
+rows.group_by("place").agg(
+    pl.len(), c("ws").sum().alias("s1"), (c("ws") / c("t")).sum().alias("sx"),
+    (c("ws") / c("t") ** 2).sum().alias("sxx"), (c("w") * 3.5 * c("r")).sum().alias("sz"),
+    (c("w") * 3.5 * c("r") / c("t")).sum().alias("szx"), (c("w") * c("r") ** 2).sum().alias("szz"),
+    c("v").sum().alias("v1"), (c("v") * c("e_n")).sum().alias("vz"),
+    (c("v") * c("e_n") ** 2).sum().alias("vzz"),
+).collect(engine="streaming")
+"""
+_WORKERS = """
+import ifrfit
+from ifrfit.inference.estimators import LeastSquares
+ifrfit.fit(PATH, method=LeastSquares(workers=int(METHOD)))
+"""
 _FRAME = """
 import json, resource, sys, time
 N, PATH, METHOD = json.loads(sys.argv[1])
-begun = [0.0]
+begun = [0.0, time.perf_counter()]
 def STARTED():
-    begun[0] = time.process_time()
+    begun[:] = [time.process_time(), time.perf_counter()]
+def measure():
 {body}
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-print(json.dumps([time.process_time() - begun[0], peak]))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(json.dumps([time.process_time() - begun[0], time.perf_counter() - begun[1], peak]))
+if __name__ == "__main__":  # worker processes read this file, too
+    measure()
 """
 
 
-def run(body: str, n: int, path: Path, method: str = "") -> tuple[float, float]:
-    """CPU seconds, from `STARTED` on where it is called, and peak memory in GiB."""
-    script = _FRAME.format(body=body)
+def run(body: str, n: int, path: Path, method: str = "") -> tuple[float, float, float]:
+    """CPU seconds and seconds, from `STARTED` on where it is called, and peak memory in GiB."""
+    script = path.with_name("measured.py")
+    script.write_text(_FRAME.format(body=textwrap.indent(body, "    ")), encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-c", script, json.dumps([n, str(path), method])],
+        [sys.executable, str(script), json.dumps([n, str(path), method])],
         check=True,
         capture_output=True,
         text=True,
+        env=os.environ | _ONE_THREAD,
     )
-    seconds, memory = json.loads(done.stdout.splitlines()[-1])
-    return seconds, memory
+    seconds, elapsed, memory = json.loads(done.stdout.splitlines()[-1])
+    return seconds, elapsed, memory
 
 
 def main() -> None:
@@ -113,11 +155,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sizes", nargs="*", default=["1e6", "1e7"])
     given = parser.parse_args()
-    print("| impacts | | CPU s | peak GiB |\n|---|---|---|---|")
+    print("| impacts | | CPU s | s | peak GiB |\n|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        seconds, _ = run(_SUMS, 0, Path(folder))
+        seconds, elapsed, _ = run(_SUMS, 0, Path(folder) / "none")
         rate = 5.0 / seconds
-        print(f"| 5e6 values | the sums, from memory: {rate:.0f} million a second | {seconds:.3f} | |")
+        says = f"the sums, from memory: {rate:.0f} million a second"
+        print(f"| 5e6 values | {says} | {seconds:.3f} | {elapsed:.3f} | |")
         for number, size in enumerate(given.sizes):
             n, path = int(float(size)), Path(folder) / f"{size}.parquet"
             run(_MADE, n, path)
@@ -127,22 +170,30 @@ def main() -> None:
                 ("whole fit, exact", _FIT, "exact"),
                 ("the same with all facts and the summary", _SUMMARY, "exact"),
             ]
+            if n <= 10_000_000:
+                rows += [
+                    ("the same sums of one pass by DuckDB", _DUCKDB, ""),
+                    ("the same sums of one pass by Polars", _POLARS, ""),
+                ]
+            else:
+                rows.append(("whole fit, least squares, two workers", _WORKERS, "2"))
             if n <= 1_000_000:
                 rows += [
                     ("pandas and lmfit, file included", _LMFIT, ""),
                     ("scipy, file included", _SCIPY, ""),
                 ]
             for what, body, method in rows:
-                seconds, memory = run(body, n, path, method)
-                print(f"| {size} | {what} | {seconds:.2f} | {memory:.2f} |", flush=True)
+                seconds, elapsed, memory = run(body, n, path, method)
+                print(f"| {size} | {what} | {seconds:.2f} | {elapsed:.2f} | {memory:.2f} |", flush=True)
             if number == 0:
                 import pyarrow.csv
                 import pyarrow.parquet as pq
 
                 text = path.with_suffix(".csv")
                 pyarrow.csv.write_csv(pq.read_table(path), text)
-                seconds, memory = run(_FIT, n, text, "exact")
-                print(f"| {size} | whole fit, exact, from CSV | {seconds:.2f} | {memory:.2f} |", flush=True)
+                seconds, elapsed, memory = run(_FIT, n, text, "exact")
+                says = "whole fit, exact, from CSV"
+                print(f"| {size} | {says} | {seconds:.2f} | {elapsed:.2f} | {memory:.2f} |", flush=True)
             path.unlink()
 
 

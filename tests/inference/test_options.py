@@ -50,6 +50,7 @@ VALUES = {
     "max_steps": (50, MCMC(max_steps=50)),
     "resume": ("here", MCMC(resume="here")),
     "workers": (2, MCMC(workers=2)),
+    "scheduler": ("tcp://127.0.0.1:8786", Exact(scheduler="tcp://127.0.0.1:8786")),
     "resample": ("wild", Bootstrap("wild")),
     "replicates": (200, Bootstrap(replicates=200)),
 }
@@ -121,7 +122,7 @@ def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
         (lambda: MCMC(workers=0), "--workers 0: it must be 1 or more"),
         (lambda: Bootstrap(workers=0), "--workers 0: it must be"),
         (lambda: make_estimator("lsq", {"accuracy": 0.1}), "--accuracy belongs to --method exact or mcmc"),
-        (lambda: make_estimator(None, {"workers": 2}), "--workers belongs to --method mcmc or bootstrap"),
+        (lambda: make_estimator("profile", {"workers": 2}), "--workers belongs to --method exact or lsq or mcmc"),
     ],
 )
 def test_a_wrong_combination_cannot_be_made(make, says):
