@@ -15,6 +15,7 @@ from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum,
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Fact, FitStatistics
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
@@ -23,10 +24,6 @@ from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# facts that the whole answers; the others are looked for in a sample
-_OF_ALL = ("converged", "global_optimum", "identifiable", "at_bound", "sharing", "predictive")
-
 
 @dataclass(frozen=True)
 class Correction:
@@ -124,16 +121,17 @@ def facts_of_all(
     problem: Problem,
     optimum: LeastSquaresFit,
     result: FitResult,
+    estimation: Estimation,
     sample: FitResult | DataError,
     kinds: NDArray[np.object_],
 ) -> dict[str, Fact]:
-    """Of the optimum those of all impacts, the others those of the sample."""
-    own = {name: fact for name, fact in result.facts.items() if name in _OF_ALL and name != "predictive"}
+    """Of the optimum and of the method those of all impacts, the others those of the sample."""
+    own = dict(estimation.diagnostics)
     own["global_optimum"] = global_optimum(optimum, bilinear=True)
-    own["at_bound"] = at_bound(result.constants)
     own["identifiable"] = identifiable(
         problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
     )
+    own["at_bound"] = at_bound(result.constants)
     own["lack_of_fit"] = _lack_of_fit(problem, optimum, kinds)
     if isinstance(sample, DataError):
         return own

@@ -2,7 +2,7 @@
 
 A pass over the files gives the sums (`moments`). They tell which intervals the transition may lie in:
 elsewhere it costs more than the best fit by so much that neither the optimum nor any mass of the posterior is
-there (`transition_bounds`). A second pass fetches the impacts of these intervals; all others are condensed
+there (`transition_bounds`). The impacts of these intervals are kept on the way (`passes`); all others are condensed
 (`condensed_rows`). The problem of both is one like any other, with the same certificate and posterior.
 """
 
@@ -126,7 +126,7 @@ def fit_stream(
             statistics_of_all(problem, optimum, result, of, correction),
             log_evidence=None if evidence is None else evidence + correction.of_evidence,
         ),
-        facts=Deferred(lambda: facts_of_all(problem, optimum, result, sample, kinds)),
+        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, sample, kinds)),
         warnings=(*result.warnings, *warnings_of(of, source), said),
         points=result.points.iloc[:0],
         problem=None,
