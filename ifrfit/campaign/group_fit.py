@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,11 +79,6 @@ class GroupQuestion:
         return combine(found)
 
 
-def fit_groups(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Group]) -> list[Row]:
-    """A row of each group, in their order; see `fit_group`."""
-    return [fit_group(question, files, group) for group in groups]
-
-
 def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row:
     """The constants of a group and what is found of them; the reason where there are none.
 
@@ -125,7 +120,7 @@ def _findings(found: FitResult, *, facts: bool) -> Row:
     if isinstance(kappa, Estimate):
         estimates[KAPPA] = kappa
     for name, estimate in estimates.items():
-        row |= _columns(name, estimate)
+        row |= estimate_columns(name, estimate)
     row |= {name: _number(getattr(found.fit, name)) for name in ("chi2", "dof", "p_value")}
     if facts:
         row["proven"] = bool(found.facts["global_optimum"].ok)
@@ -135,7 +130,8 @@ def _findings(found: FitResult, *, facts: bool) -> Row:
     return row
 
 
-def _columns(name: str, estimate: Estimate) -> Row:
+def estimate_columns(name: str, estimate: Estimate) -> Row:
+    """What the table holds of a quantity."""
     low68, high68 = estimate.interval68
     low95, high95 = estimate.interval95
     parts = (estimate.stderr, low68, high68, low95, high95)

@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row, fit_groups
+from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row
 from ifrfit.campaign.journal import Journal
+from ifrfit.campaign.plain_groups import fit_groups
 from ifrfit.campaign.population import Population, populations
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
@@ -23,7 +24,7 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 
 METHODS = ("exact", "lsq", "profile")
-LOT = 25  # groups
+LOT = 100  # groups
 _AT_ONCE = 25  # rows written to the journal together
 DIED = f"the process that fitted it died {TRIES} times, as for want of memory. Fit the group by itself."
 

@@ -129,7 +129,7 @@ class ImpactStream:
         for piece in (piece for portion in stream.portions for piece in portion):
             for batch in _reading(piece):
                 if batch.num_rows:
-                    return stream._chosen(identify(cells_of(batch, piece.path, 0), conventions))
+                    return stream.choosing_by(identify(cells_of(batch, piece.path, 0), conventions))
         raise DataError(f"{path}: there is no row in these files.")
 
     @property
@@ -160,11 +160,14 @@ class ImpactStream:
 
     def _batch(self, batch: pa.RecordBatch, path: Path, first: int, tally: Tally) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
-        cells = cells_of(batch, path, first)
-        layout = identify(cells, self.conventions)
+        layout = identify(cells_of(batch, path, first), self.conventions)
+        return self.impacts_of(layout, self._series_of(batch, layout, tally), tally)
+
+    def impacts_of(self, layout: Layout, series: NDArray[np.intp], tally: Tally) -> tuple[Batch, Mask]:
+        """The impacts of a table, and which of its rows have nothing that was left out."""
+        cells = layout.cells
         spins = [np.nan_to_num(layout.numbers(name)) for name in ("spin_x", "spin_y")]
         gamma = layout.gamma()
-        series = self._series_of(batch, layout, tally)
         settings = self._settings(layout, gamma, spins)
         if self.selection.series:
             wanted = np.array([name in self.selection.series for name in tally.series])
@@ -175,7 +178,7 @@ class ImpactStream:
         usable = np.ones(gamma.size, dtype=bool)
         for name in self.observables:
             if not layout.has(name):
-                raise DataError(f"{path}: there is no column {name}, which other files have.")
+                raise DataError(f"{cells.file}: there is no column {name}, which other files have.")
             value, sigma = layout.numbers(name), self._sigma(layout, name)
             of = OBSERVABLES[name]
             measured = np.isfinite(value) & (np.isfinite(gamma) if of.has_angle else True)
@@ -197,8 +200,14 @@ class ImpactStream:
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
 
-    def _chosen(self, layout: Layout) -> ImpactStream:
-        """With the observables, as far as none of them counts an impact twice."""
+    def choosing_by(self, layout: Layout) -> ImpactStream:
+        """With the observables that a table has, as far as none of them counts an impact twice.
+
+        Raises
+        ------
+        NotStreamableError, DataError, UsageError
+            As `of`.
+        """
         path = layout.cells.file
         if layout.has("observable") or layout.has("value"):
             raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")

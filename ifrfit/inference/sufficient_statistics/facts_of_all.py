@@ -25,6 +25,7 @@ from ifrfit.text import joined
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+
 @dataclass(frozen=True)
 class Correction:
     """What is added to the log likelihood and to the log evidence of condensed rows to be those of all."""

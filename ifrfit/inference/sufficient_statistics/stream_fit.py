@@ -2,8 +2,9 @@
 
 A pass over the files gives the sums (`moments`). They tell which intervals the transition may lie in:
 elsewhere it costs more than the best fit by so much that neither the optimum nor any mass of the posterior is
-there (`transition_bounds`). The impacts of these intervals are kept on the way (`passes`); all others are condensed
-(`condensed_rows`). The problem of both is one like any other, with the same certificate and posterior.
+there (`transition_bounds`). The impacts of these intervals are kept on the way (`passes`); all others are
+condensed (`condensed_rows`). The problem of both is one like any other, with the same certificate and
+posterior.
 """
 
 from __future__ import annotations

@@ -1,0 +1,249 @@
+"""Groups of the plainest question, fitted together: columns of numbers, known noise, all constants free.
+
+Their rows of the campaign's table are those of `group_fit`, to less than a thousandth of an uncertainty. A
+group in which anything is out of the ordinary is left to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ifrfit.campaign.group_fit import (
+    FAILURE,
+    KAPPA,
+    PROVENANCE,
+    GroupQuestion,
+    Row,
+    estimate_columns,
+    fit_group,
+)
+from ifrfit.campaign.transition_integral import GroupPosteriors, Tangential, group_posteriors
+from ifrfit.data.cell_table import CellColumn, Cells
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.column_roles import identify
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.groups import Group, GroupedFiles
+from ifrfit.data.stream.impact_stream import Batch, ImpactStream
+from ifrfit.data.stream.tally import Tally
+from ifrfit.errors import DataError, IfrfitError
+from ifrfit.inference.estimators import Exact
+from ifrfit.inference.keywords import selection_of
+from ifrfit.inference.options import Model
+from ifrfit.inference.result.types import Estimate
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.report.provenance import provenance_words
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_UNITS = ("deg", "1", None)  # in which a number means the same whatever stands beside it
+_KEYS = ("gamma", "spin_x", "spin_y", "e_n")
+_FREE = 3  # e_n, the closure constant, mu
+_FEW = 5  # tangential values below which nothing is ordinary
+
+
+def fit_groups(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Group]) -> list[Row]:
+    """A row of each group, in their order: plain ones together, the others each by itself."""
+    plain = plain_rows(question, files, groups)
+    return [
+        plain[place] if place in plain else fit_group(question, files, group)
+        for place, group in enumerate(groups)
+    ]
+
+
+def plain_rows(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Group]) -> dict[int, Row]:
+    """Rows of those groups that are plain, by their place among the groups."""
+    law = _law(question)
+    if law is None:
+        return {}
+    found: dict[int, Row] = {}
+    for alike in _of_one_file(groups):
+        try:
+            found |= _rows(question, files, groups, alike, law)
+        except IfrfitError:
+            continue  # each group says for itself what is wrong
+    return found
+
+
+def _law(question: GroupQuestion) -> Coefficients | None:
+    """The law of the closure where the question is plain."""
+    model, noise = question.model, question.noise
+    closure = get_closure(model.closure)
+    asked = replace(Model(model.closure), inertia_factor=model.inertia_factor)
+    if (
+        question.facts
+        or question.method != Exact()
+        or model != asked
+        or not closure.bilinear
+        or closure.constant is None
+        or noise.policy not in (None, "known")
+        or not noise.error_model.is_plain
+        or noise.error_model.offset is not None
+        or noise.sigma_velocity is not None
+        or selection_of(question.selection).exclude
+        or selection_of(question.selection).series
+    ):
+        return None
+    law = closure.law(_inertia(model))
+    return law if isinstance(law, Coefficients) and law.b1 == 0.0 and law.a1 != 0.0 else None
+
+
+def _inertia(model: Model) -> float:
+    return SOLID if model.inertia_factor is None else model.inertia_factor
+
+
+def _of_one_file(groups: Sequence[Group]) -> list[list[int]]:
+    """Places of groups that are rows of one file, file by file."""
+    found: dict[tuple[str, ...], list[int]] = {}
+    for place, group in enumerate(groups):
+        if len(group.tables) == 1 and not group.trouble:
+            table = group.tables[0]
+            found.setdefault((table.file, *table.headers), []).append(place)
+    return list(found.values())
+
+
+def _rows(
+    question: GroupQuestion,
+    files: GroupedFiles,
+    groups: Sequence[Group],
+    alike: Sequence[int],
+    law: Coefficients,
+) -> dict[int, Row]:
+    """Rows of those groups of one file that are settled.
+
+    Raises
+    ------
+    IfrfitError
+        A cell of any group is not what it should be.
+    """
+    tables = [groups[place].tables[0] for place in alike]
+    conventions = files.conventions_of(tables[0])
+    layout = identify(_together(tables), conventions)
+    model = question.model
+    inertia = _inertia(model)
+    stream = ImpactStream(files.files[0], (), conventions, selection_of(question.selection), inertia)
+    stream = stream.choosing_by(layout)
+    oblique = _oblique(layout, stream)
+    if oblique is None:
+        return {}
+    batch, usable = stream.impacts_of(layout, np.zeros(len(layout.cells), dtype=np.intp), Tally())
+    own = np.repeat(np.arange(len(alike)), [len(table) for table in tables])
+    clean = np.bincount(own, ~usable, minlength=len(alike)) == 0
+    values = _Values.of(batch, own, len(alike), oblique, inertia)
+    parameters = {each.name: each for each in model.parameters(inertia)}
+    names = ("e_n", get_closure(model.closure).constant, "mu")
+    domains = [parameters[str(name)].domain for name in names]
+    posteriors = group_posteriors(values.tangential, values.e_n, values.e_n_weight, law, domains)
+    settled = posteriors.settled & clean & values.ordinary & (values.oblique >= _FEW)
+    every = (*map(str, names), KAPPA)
+    return {
+        alike[k]: _row(groups[alike[k]], conventions, every, values, posteriors, k)
+        for k in np.flatnonzero(settled).tolist()
+    }
+
+
+def _together(tables: Sequence[Cells]) -> Cells:
+    """The tables under one another."""
+    columns: list[CellColumn | DataError] = []
+    for parts in zip(*(table.columns for table in tables), strict=True):
+        whole = [part for part in parts if isinstance(part, DataError)]
+        if whole:
+            columns.append(whole[0])
+        elif isinstance(parts[0], np.ndarray):
+            columns.append(np.concatenate(parts))
+        else:
+            columns.append([cell for part in parts for cell in part])
+    lines = np.concatenate([table.lines for table in tables])
+    return replace(tables[0], lines=lines, columns=columns, _points={})
+
+
+def _oblique(layout: Layout, stream: ImpactStream) -> str | None:
+    """The one tangential observable beside e_n, where there is nothing else and all units are plain."""
+    tangential = [name for name in stream.observables if OBSERVABLES[name].linear is not None]
+    if len(tangential) != 1 or set(stream.observables) != {tangential[0], "e_n"}:
+        return None
+    if not stream.has_sigma or stream.notes:
+        return None
+    known = {*_KEYS, tangential[0], "sigma:e_n", f"sigma:{tangential[0]}"}
+    plain = all(key in known and column.unit in _UNITS for key, column in layout.columns.items())
+    return tangential[0] if plain and not layout.momentum and not layout.notes else None
+
+
+@dataclass(frozen=True)
+class _Values:
+    """The measured values of each group, as `group_posteriors` takes them; `oblique` and `n` count them."""
+
+    tangential: Tangential
+    e_n: Array
+    e_n_weight: Array
+    oblique: Index
+    n: Index
+    ordinary: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, batch: Batch, own: Index, groups: int, name: str, inertia: float) -> _Values:
+        linear = OBSERVABLES[name].linear
+        assert linear is not None
+        at, value, sigma = batch.values[name]
+        incidence = batch.incidence.take(at)
+        offset, slope = linear(incidence, inertia)
+        odd = (incidence.slip <= 0.0) | (incidence.cosine <= 0.0) | (slope == 0.0)
+        ordinary = np.bincount(own[at], odd, minlength=groups) == 0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tau, factor = incidence.tau, (value - offset) / slope
+        order = np.lexsort((tau, own[at]))
+        columns = (tau, factor, (slope / sigma) ** 2.0)
+        padded = _padded(own[at][order], groups, [column[order] for column in columns], (np.inf, 0.0, 0.0))
+        at_e, e_n, sigma_e = batch.values["e_n"]
+        normal = _padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
+        oblique = np.bincount(own[at], minlength=groups)
+        n = oblique + np.bincount(own[at_e], minlength=groups)
+        return cls(Tangential(*padded), normal[0], normal[1], oblique, n, ordinary)
+
+
+def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[float]) -> list[Array]:
+    """Values of each group side by side, (groups, most); `own` does not decrease."""
+    counts = np.bincount(own, minlength=groups)
+    place = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    found = []
+    for column, empty in zip(columns, fill, strict=True):
+        made = np.full((groups, int(counts.max(initial=1))), empty)
+        made[own, place] = column
+        found.append(made)
+    return found
+
+
+def _row(
+    group: Group,
+    conventions: Conventions,
+    names: Sequence[str],
+    values: _Values,
+    posteriors: GroupPosteriors,
+    k: int,
+) -> Row:
+    """The row of a settled group."""
+    sliding = int(posteriors.sliding[k])
+    row: Row = {
+        "files": ", ".join(group.files),
+        "rows": group.rows,
+        FAILURE: "",
+        "n": int(values.n[k]),
+        "n_sliding": sliding,
+        "n_sticking": int(values.oblique[k]) - sliding,
+        PROVENANCE: provenance_words((conventions.provenance,)),
+    }
+    for quantity, name in enumerate(names):
+        low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
+        sd = float(posteriors.sd[k, quantity])
+        row |= estimate_columns(name, Estimate(median, sd, (low68, high68), (low95, high95), "determined"))
+    dof = int(values.n[k]) - _FREE
+    chi2 = float(posteriors.chi2[k])
+    return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
