@@ -44,7 +44,7 @@ from ifrfit.report.provenance import provenance_words
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_UNITS = ("deg", "1", None)  # in which a number means the same whatever stands beside it
+_UNITS = ("deg", "1")  # in which a number means the same whatever stands beside it
 _KEYS = ("gamma", "spin_x", "spin_y", "e_n")
 _FREE = 3  # e_n, the closure constant, mu
 _FEW = 5  # tangential values below which nothing is ordinary
@@ -117,7 +117,7 @@ def _rows(
     alike: Sequence[int],
     law: Coefficients,
 ) -> dict[int, Row]:
-    """Rows of those groups of one file that are settled.
+    """Rows of those groups of one file that are resolved.
 
     Raises
     ------
@@ -142,11 +142,11 @@ def _rows(
     names = ("e_n", get_closure(model.closure).constant, "mu")
     domains = [parameters[str(name)].domain for name in names]
     posteriors = group_posteriors(values.tangential, values.e_n, values.e_n_weight, law, domains)
-    settled = posteriors.settled & clean & values.ordinary & (values.oblique >= _FEW)
+    resolved = posteriors.resolved & clean & values.ordinary & (values.oblique >= _FEW)
     every = (*map(str, names), KAPPA)
     return {
         alike[k]: _row(groups[alike[k]], conventions, every, values, posteriors, k)
-        for k in np.flatnonzero(settled).tolist()
+        for k in np.flatnonzero(resolved).tolist()
     }
 
 
@@ -173,7 +173,10 @@ def _oblique(layout: Layout, stream: ImpactStream) -> str | None:
     if not stream.has_sigma or stream.notes:
         return None
     known = {*_KEYS, tangential[0], "sigma:e_n", f"sigma:{tangential[0]}"}
-    plain = all(key in known and column.unit in _UNITS for key, column in layout.columns.items())
+    plain = all(
+        key in known and (column.unit in _UNITS or (column.dimension == "number" and column.unit is None))
+        for key, column in layout.columns.items()
+    )
     return tangential[0] if plain and not layout.momentum and not layout.notes else None
 
 
@@ -229,7 +232,7 @@ def _row(
     posteriors: GroupPosteriors,
     k: int,
 ) -> Row:
-    """The row of a settled group."""
+    """The row of a resolved group."""
     sliding = int(posteriors.sliding[k])
     row: Row = {
         "files": ", ".join(group.files),

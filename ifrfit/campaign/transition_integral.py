@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +32,14 @@ _FAR = 48.0  # of chi2 above the best: less than exp(-24) of the density lies th
 _PANELS = 40  # besides those that end at transitions
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True)).T  # values at the nodes @ this: coefficients
-_E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(24)
-_E_REACH = 7.0  # sd of e_n on either side
+_E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
+_E_SPAN = 6.5  # sd of e_n on either side
 _STEPS = 12
-_EXACT = 1e-9  # error of a probability at which a quantile is there
+_EXACT = 1e-8  # error of a probability at which a quantile is there
 _Z = np.array([-1.959964, -0.994458, 0.0, 0.994458, 1.959964])  # of `LEVELS`, where the search begins
 _FROM_BOUNDS = 3.5  # sd between a determined constant and its bounds; the rule asks for less than 2
 _FROM_ENDS = 6.0  # sd of e_n between which and 0 or 1 nothing is cut off
-_STEPLESS = 0.8  # sd of kappa over that of e_n times mu
+_STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 _NARROW = 0.9  # of the sd below which a constant counts as determined
 _WIDEST = 0.6  # sd of a panel
 
@@ -50,7 +50,7 @@ class GroupPosteriors:
 
     Attributes
     ----------
-    settled : ndarray of bool
+    resolved : ndarray of bool
         Whether all constants are well inside their bounds; the others are for the general code.
     sliding : ndarray of int
         Impacts that slide at the certified optimum.
@@ -62,7 +62,7 @@ class GroupPosteriors:
         At `LEVELS`.
     """
 
-    settled: Bool
+    resolved: Bool
     sliding: Index
     chi2: Array
     sd: Array
@@ -108,11 +108,12 @@ def group_posteriors(
         Of e_n, the closure constant and mu.
     """
     domain = domains[OWN].lower, domains[OWN].upper
-    with np.errstate(all="ignore"):  # what is not finite is not settled
+    with np.errstate(all="ignore"):  # what is not finite is not resolved
         cells = _Cells.of(tangential, law)
         optimum = cells.optimum(domain)
         e_hat, e_sd, e_chi2 = _normal(e_n, e_n_weight)
         panels = _Panels.of(cells, optimum, domain)
+        panels = panels.where(optimum.proper & panels.fine)
         own_sd, own = _own(panels, domain)
         kappa_sd, kappa = panels.kappa()
         e_nodes, e_mass = _e_n_nodes(e_hat, e_sd)
@@ -120,20 +121,20 @@ def group_posteriors(
         mu_sd, mu = _mu(panels, e_nodes, e_mass)
         sd = np.stack((e_n_sd, own_sd, mu_sd, kappa_sd), axis=1)
         quantiles = np.stack((e_n_quantiles, own, mu, kappa), axis=1)
-        settled = (
+        resolved = (
             optimum.proper
             & panels.fine
             & np.isfinite(sd).all(axis=1)
             & np.isfinite(quantiles).all(axis=(1, 2))
         )
-        settled &= panels.edges[:, -1] < domains[MU].prior_upper
+        resolved &= panels.edges[:, -1] < domains[MU].prior_upper
         # the nodes of e_n would see steps where kappa is known much better
-        settled &= kappa_sd > _STEPLESS * quantiles[:, MU, 2] * e_n_sd
-        for quantity, reach in ((E_N, _FROM_ENDS), (OWN, _FROM_BOUNDS), (MU, _FROM_BOUNDS)):
-            middle, reached, bounds = quantiles[:, quantity, 2], reach * sd[:, quantity], domains[quantity]
-            settled &= (middle - reached > bounds.lower) & (middle + reached < bounds.prior_upper)
-            settled &= sd[:, quantity] < _NARROW * HALF * bounds.prior_sd
-    return GroupPosteriors(settled, optimum.sliding, optimum.chi2 + e_chi2, sd, quantiles)
+        resolved &= kappa_sd > _STEPLESS * quantiles[:, MU, 2] * e_n_sd
+        for quantity, clear in ((E_N, _FROM_ENDS), (OWN, _FROM_BOUNDS), (MU, _FROM_BOUNDS)):
+            middle, away, bounds = quantiles[:, quantity, 2], clear * sd[:, quantity], domains[quantity]
+            resolved &= (middle - away > bounds.lower) & (middle + away < bounds.prior_upper)
+            resolved &= sd[:, quantity] < _NARROW * HALF * bounds.prior_sd
+    return GroupPosteriors(resolved, optimum.sliding, optimum.chi2 + e_chi2, sd, quantiles)
 
 
 @dataclass(frozen=True)
@@ -158,9 +159,11 @@ class _Cells:
         tau, z, w = rows.tau, rows.factor, rows.weight
         x = 1.0 / tau
         terms = np.stack((w, w * z, w * z * z, w * x, w * x * x, w * z * x))
-        upto = np.concatenate((np.zeros((*terms.shape[:2], 1)), np.cumsum(terms, axis=2)), axis=2)
-        p1, pz, pzz, _, _, _ = upto
-        s1, sz, szz, sx, sxx, szx = upto[..., -1:] - upto
+        none = np.zeros((*terms.shape[:2], 1))
+        # not as what is left of all: where 1/tau is large the difference would lose its digits
+        above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
+        p1, pz, pzz = np.concatenate((none, np.cumsum(terms, axis=2)), axis=2)[:3]
+        s1, sz, szz, sx, sxx, szx = np.concatenate((above, none), axis=2)
         a, b = law.a0 + law.b0, law.a1 + law.b1
         forms = np.stack(
             (
@@ -261,7 +264,7 @@ class _Panels:
     @classmethod
     def of(cls, cells: _Cells, optimum: _Optimum, domain: tuple[float, float]) -> _Panels:
         best = optimum.chi2
-        low, high, sd, closed = _reach(cells, optimum, domain)
+        low, high, sd, closed = _ends_of(cells, optimum, domain)
         inside = (cells.walls > low[:, None]) & (cells.walls < high[:, None])
         most = int(inside.sum(axis=1).max(initial=0))
         kinks = np.sort(np.where(inside, cells.walls, np.inf), axis=1)[:, :most]
@@ -278,15 +281,20 @@ class _Panels:
         height = width * np.exp(-0.5 * (chi2 - best[:, None, None]))
         held = ndtr((domain[1] - own) / width) - ndtr((domain[0] - own) / width)
         weights = half[:, :, None] * _WEIGHTS
-        mass = (weights * height * held).sum(axis=(1, 2), keepdims=True)
+        mass = _sum(weights * height * held)[:, None, None]
         fine = closed & ((high - low) < _WIDEST * _PANELS * sd)
         density = height * held / mass
         return cls(edges, nodes, density, own, width, weights * height / mass, fine)
 
+    def where(self, asked: Bool) -> _Panels:
+        """The same, and nan in the groups that are not asked for."""
+        blank = np.where(asked, 1.0, np.nan)[:, None, None]
+        return replace(self, density=self.density * blank, height=self.height * blank)
+
     def powers(self) -> Array:
         """Coefficients of the mass up to a place in each panel, from its middle on, (groups, panels, 7)."""
         half = 0.5 * np.diff(self.edges, axis=1)[:, :, None]
-        inner = self.density @ _TO_POWERS * half / np.arange(1.0, _NODES.size + 1.0)
+        inner = (self.density[..., None] * _TO_POWERS).sum(axis=2) * half / np.arange(1.0, _NODES.size + 1.0)
         first = -(inner * (-1.0) ** np.arange(1, _NODES.size + 1)).sum(axis=2, keepdims=True)
         return np.concatenate((first, inner), axis=2)
 
@@ -313,8 +321,8 @@ class _Panels:
     def moments(self) -> tuple[Array, Array]:
         """Mean and sd of kappa."""
         weights = self.density * _WEIGHTS * 0.5 * np.diff(self.edges, axis=1)[:, :, None]
-        mean = (weights * self.nodes).sum(axis=(1, 2))
-        spread = (weights * (self.nodes - mean[:, None, None]) ** 2).sum(axis=(1, 2))
+        mean = _sum(weights * self.nodes)
+        spread = _sum(weights * (self.nodes - mean[:, None, None]) ** 2)
         return mean, np.sqrt(spread)
 
     def kappa(self) -> tuple[Array, Array]:
@@ -325,7 +333,14 @@ class _Panels:
         return sd, _quantiles(lambda x: self.below(x, powers, upto), mean, sd, ends)
 
 
-def _reach(cells: _Cells, optimum: _Optimum, domain: tuple[float, float]) -> tuple[Array, Array, Array, Bool]:
+def _sum(values: Array) -> Array:
+    """Sum of each group one value after the other: zeros, where other groups are longer, change no bit."""
+    return np.asarray(np.cumsum(values.reshape(values.shape[0], -1), axis=1)[:, -1])
+
+
+def _ends_of(
+    cells: _Cells, optimum: _Optimum, domain: tuple[float, float]
+) -> tuple[Array, Array, Array, Bool]:
     """Ends of kappa between which the mass is, its least sd there, and whether both ends are inside."""
     _, _, _, f3, f4, f5 = cells.forms
     low, high = cells.walls[:, :-1], cells.walls[:, 1:]
@@ -350,15 +365,15 @@ def _reach(cells: _Cells, optimum: _Optimum, domain: tuple[float, float]) -> tup
 
 def _normal(e_n: Array, weight: Array) -> tuple[Array, Array, Array]:
     """Mean, sd and chi2 of the measured e_n."""
-    total = weight.sum(axis=1)
-    mean = (weight * e_n).sum(axis=1) / total
-    return mean, 1.0 / np.sqrt(total), (weight * (e_n - mean[:, None]) ** 2).sum(axis=1)
+    total = _sum(weight)
+    mean = _sum(weight * e_n) / total
+    return mean, 1.0 / np.sqrt(total), _sum(weight * (e_n - mean[:, None]) ** 2)
 
 
 def _e_n_nodes(mean: Array, sd: Array) -> tuple[Array, Array]:
-    """Nodes of e_n, and their masses under the normal law with the Jacobian, (groups, 24) each."""
-    nodes = mean[:, None] + _E_REACH * sd[:, None] * _E_NODES
-    mass = _E_WEIGHTS * np.exp(-0.5 * (_E_REACH * _E_NODES) ** 2) / (1.0 + nodes)
+    """Nodes of e_n, and their masses under the normal law with the Jacobian, (groups, 40) each."""
+    nodes = mean[:, None] + _E_SPAN * sd[:, None] * _E_NODES
+    mass = _E_WEIGHTS * np.exp(-0.5 * (_E_SPAN * _E_NODES) ** 2) / (1.0 + nodes)
     return nodes, mass / mass.sum(axis=1, keepdims=True)
 
 
@@ -367,12 +382,12 @@ def _e_n(mean: Array, sd: Array) -> tuple[Array, Array]:
     nodes, mass = _e_n_nodes(mean, sd)
     own = (mass * nodes).sum(axis=1)
     own_sd = np.sqrt((mass * (nodes - own[:, None]) ** 2).sum(axis=1))
-    scale = (np.exp(-0.5 * (_E_REACH * _E_NODES) ** 2) * _E_WEIGHTS / (1.0 + nodes)).sum(axis=1) * _E_REACH
-    reach = _E_REACH * sd[:, None, None]
+    scale = (np.exp(-0.5 * (_E_SPAN * _E_NODES) ** 2) * _E_WEIGHTS / (1.0 + nodes)).sum(axis=1) * _E_SPAN
+    span = _E_SPAN * sd[:, None, None]
 
     def below(x: Array) -> tuple[Array, Array]:
-        half = 0.5 * (x[:, :, None] - (mean[:, None, None] - reach))
-        at = mean[:, None, None] - reach + half * (1.0 + _E_NODES)
+        half = 0.5 * (x[:, :, None] - (mean[:, None, None] - span))
+        at = mean[:, None, None] - span + half * (1.0 + _E_NODES)
         z = (at - mean[:, None, None]) / sd[:, None, None]
         share = (_E_WEIGHTS * np.exp(-0.5 * z * z) / (1.0 + at)).sum(axis=2) * half[:, :, 0]
         own_z = (x - mean[:, None]) / sd[:, None]
@@ -380,7 +395,7 @@ def _e_n(mean: Array, sd: Array) -> tuple[Array, Array]:
         whole = (scale * sd)[:, None]
         return share / whole, density / whole
 
-    return own_sd, _quantiles(below, own, own_sd, (mean - reach[:, 0, 0], mean + reach[:, 0, 0]))
+    return own_sd, _quantiles(below, own, own_sd, (mean - span[:, 0, 0], mean + span[:, 0, 0]))
 
 
 def _own(panels: _Panels, domain: tuple[float, float]) -> tuple[Array, Array]:
@@ -395,15 +410,17 @@ def _own(panels: _Panels, domain: tuple[float, float]) -> tuple[Array, Array]:
         (np.exp(-0.5 * low**2) * a - np.exp(-0.5 * high**2) * b) / math.sqrt(2.0 * math.pi)
         for a, b in ((1.0, 1.0), (low, high))
     )
-    first = (height * (middle * held + width * slope)).sum(axis=2)
+    first = _sum(height * (middle * held + width * slope))[:, None]
     offset = middle - first[:, :, None]
     second = height * ((offset**2 + width**2) * held + width**2 * lean + 2.0 * offset * width * slope)
-    sd = np.sqrt(second.sum(axis=2))[:, 0]
+    sd = np.sqrt(_sum(second))
 
     def below(x: Array) -> tuple[Array, Array]:
         z = (x[:, :, None] - middle) / width
-        share = (height * (ndtr(z) - under)).sum(axis=2)
-        density = (height * np.exp(-0.5 * z * z) / width).sum(axis=2) / math.sqrt(2.0 * math.pi)
+        share = np.cumsum(height * (ndtr(z) - under), axis=2)[:, :, -1]
+        density = np.cumsum(height * np.exp(-0.5 * z * z) / width, axis=2)[:, :, -1] / math.sqrt(
+            2.0 * math.pi
+        )
         return share, density
 
     ends = (np.full(groups, domain[0]), np.full(groups, domain[1]))
@@ -439,9 +456,10 @@ def _quantiles(
     for _ in range(_STEPS):
         share, density = below(x)
         miss = share - LEVELS
-        if (np.abs(miss) < _EXACT).all():
+        if not (np.abs(miss) >= _EXACT).any():  # nan is nobody's
             break
         low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
         step = x - miss / density
-        x = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-    return np.where(np.abs(share - LEVELS) < 1e3 * _EXACT, x, np.nan)
+        step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        x = np.where(np.abs(miss) < _EXACT, x, step)  # what is there stays, whatever others need
+    return np.where(np.abs(share - LEVELS) < 100.0 * _EXACT, x, np.nan)

@@ -6,6 +6,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ class Group:
         """Names of the files, without their folders."""
         return tuple(table.name for table in self.tables)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """SHA-256 of what its cells say, and where they stand."""
         found = hashlib.sha256()
@@ -58,7 +59,10 @@ class Group:
             for part in (table.name, table.headers, table.lines.tolist(), table.decimal_commas):
                 found.update(repr(part).encode())
             for column in table.columns:
-                found.update(repr(column if isinstance(column, DataError) else list(column)).encode())
+                if isinstance(column, np.ndarray):
+                    found.update(column.tobytes())
+                else:
+                    found.update(repr(column if isinstance(column, DataError) else list(column)).encode())
         return found.hexdigest()
 
 

@@ -1,0 +1,152 @@
+"""Groups that are fitted together have the rows that the general code gives each of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, fit_group
+from ifrfit.campaign.plain_groups import fit_groups, plain_rows
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.groups import GroupedFiles
+from ifrfit.inference.estimators import Exact, LeastSquares
+from ifrfit.inference.options import Model, Noise
+from ifrfit.physics import OBSERVABLES, rebound
+
+PARTS = ("", "_sd", "_lo68", "_hi68", "_lo95", "_hi95")
+
+
+def table_of(groups, name="beta", seed=0, sigma=0.02, spin=0.2):
+    """Random groups; some of them open, or at a bound."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for group in range(groups):
+        n = int(rng.integers(8, 80))
+        low = rng.uniform(0.0, 30.0)
+        gamma, spin_y = rng.uniform(low, rng.uniform(60.0, 89.0), n), spin * rng.standard_normal(n)
+        truth = {"e_n": rng.uniform(0.5, 0.97), "e_t": rng.uniform(-1.0, -0.4), "mu": rng.uniform(0.04, 0.4)}
+        state = rebound(gamma, 0.0, spin_y, degrees=True, **truth)
+        columns = {"run": f"r{group}", "gamma_deg": gamma, "spin_y": spin_y}
+        columns[name] = OBSERVABLES[name].value(state, np.asarray(truth["mu"])) + sigma * rng.standard_normal(
+            n
+        )
+        columns["e_n"] = truth["e_n"] + sigma * rng.standard_normal(n)
+        parts.append(pd.DataFrame(columns | {f"sigma_{name}": sigma, "sigma_e_n": sigma}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def read(path, table, suffix="parquet"):
+    """The groups of a table."""
+    file = path / f"all.{suffix}"
+    table.to_parquet(file, index=False) if suffix == "parquet" else table.to_csv(file, index=False)
+    files = GroupedFiles((file,), ("run",), parse_conventions(()))
+    return files, list(files.groups())
+
+
+def question(**changed):
+    fields = {"model": Model(), "noise": Noise(), "method": Exact(), "facts": False} | changed
+    return GroupQuestion(parse_conventions(()), **fields)
+
+
+def assert_alike(together, alone):
+    """Every column the same, numbers to the accuracy of the general code, 1e-4 of an sd, and a little."""
+    assert list(together) == list(alone)
+    for key, value in alone.items():
+        if key in ("chi2", "p_value", "dof"):
+            assert together[key] == pytest.approx(value, rel=1e-8), key
+        elif isinstance(value, float):
+            name = key if key in ("e_n", "e_t", "mu", "kappa") else key.rpartition("_")[0]
+            assert together[key] == pytest.approx(value, abs=3e-4 * alone[f"{name}_sd"]), key
+        else:
+            assert together[key] == value, key
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+@pytest.mark.parametrize("name", ["beta", "v_x", "spin_y_after", "beta_cm"])
+def test_the_rows_of_the_general_code(tmp_path, name, suffix):
+    files, groups = read(tmp_path, table_of(50, name, seed=len(name)), suffix)
+    found = plain_rows(question(), files, groups)
+    assert len(found) >= 20
+    for place in list(found)[:20]:
+        assert_alike(found[place], fit_group(question(), files, groups[place]))
+
+
+def test_inertia_and_ranges(tmp_path):
+    files, groups = read(tmp_path, table_of(30))
+    for asked in (
+        question(model=Model(inertia_factor=2.0 / 3.0)),
+        question(selection={"gamma_min": 5.0, "gamma_max": 80.0}),
+        question(noise=Noise("known")),
+    ):
+        found = plain_rows(asked, files, groups)
+        assert len(found) >= 5
+        for place in list(found)[:5]:
+            assert_alike(found[place], fit_group(asked, files, groups[place]))
+
+
+def test_what_is_not_plain_is_left_to_the_general_code(tmp_path):
+    table = table_of(10)
+    files, groups = read(tmp_path, table)
+    assert plain_rows(question(), files, groups)
+    for changed in (
+        {"facts": True},
+        {"method": LeastSquares()},
+        {"method": Exact(accuracy=1e-6)},
+        {"noise": Noise("unknown")},
+        {"noise": Noise(tails="student-t")},
+        {"model": Model("fr")},
+        {"model": Model(fix={"e_n": 0.9})},
+        {"model": Model(prior={"mu": (0.1, 0.01)})},
+        {"model": Model(bounds={"mu": (0.0, 0.5)})},
+        {"model": Model(separate="mu")},
+        {"selection": {"exclude": ("7",)}},
+    ):
+        assert plain_rows(question(**changed), files, groups) == {}, changed
+    for changed in (
+        table.drop(columns="sigma_e_n"),
+        table.drop(columns="e_n"),
+        table.assign(series="a"),
+        table.assign(v_x=0.5, sigma_v_x=0.1),
+        table.rename(columns={"gamma_deg": "gamma"}),
+    ):
+        files, groups = read(tmp_path, changed)
+        assert plain_rows(question(), files, groups) == {}, changed.columns
+
+
+def test_one_odd_cell_spoils_its_own_group_alone(tmp_path):
+    table = table_of(10)
+    files, groups = read(tmp_path, table)
+    before = plain_rows(question(), files, groups)
+    spoilt = sorted(before)[1]
+    table.loc[table.index[table["run"] == f"r{spoilt}"][0], "gamma_deg"] = 95.0
+    files, groups = read(tmp_path, table)
+    after = plain_rows(question(), files, groups)
+    assert set(after) == set(before) - {spoilt}
+    rows = fit_groups(question(), files, groups)
+    assert "95" in rows[spoilt][FAILURE]
+    assert rows[min(before)] == after[min(before)]
+
+
+def test_text_in_a_cell_is_said_by_its_group(tmp_path):
+    table = table_of(6).astype({"beta": object})
+    table.loc[table.index[table["run"] == "r2"][0], "beta"] = "oops"
+    files, groups = read(tmp_path, table, "csv")
+    rows = fit_groups(question(), files, groups)
+    assert "oops" in rows[2][FAILURE]
+    assert sum(not row[FAILURE] for row in rows) == 5
+
+
+def test_which_groups_are_beside_it_does_not_matter(tmp_path):
+    files, groups = read(tmp_path, table_of(40))
+    together = plain_rows(question(), files, groups)
+    for place in list(together)[:6]:
+        assert plain_rows(question(), files, [groups[place]])[0] == together[place]
+
+
+def test_a_group_at_a_bound_is_left(tmp_path):
+    rng = np.random.default_rng(0)
+    table = table_of(4)
+    table["e_n"] = 0.999 + 0.02 * rng.standard_normal(len(table))
+    files, groups = read(tmp_path, table)
+    assert plain_rows(question(), files, groups) == {}
