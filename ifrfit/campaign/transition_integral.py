@@ -28,8 +28,9 @@ Index = NDArray[np.intp]
 
 E_N, OWN, MU, KAPPA = range(4)  # quantities; OWN is the closure constant
 
-_FAR = 48.0  # of chi2 above the best: less than exp(-24) of the density lies there
-_PANELS = 40  # besides those that end at transitions
+_NEAR = 48.0  # of chi2 above the best within which the sharpness of kappa is looked at
+_LOST = math.log(1e-6)  # of the variance of kappa, at most, beyond where the panels end
+_PANELS = 44  # besides those that end at transitions
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True)).T  # values at the nodes @ this: coefficients
 _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
@@ -112,7 +113,7 @@ def group_posteriors(
         cells = _Cells.of(tangential, law)
         optimum = cells.optimum(domain)
         e_hat, e_sd, e_chi2 = _normal(e_n, e_n_weight)
-        panels = _Panels.of(cells, optimum, domain)
+        panels = _Panels.of(cells, optimum, domain, 2.0 * domains[MU].prior_upper)
         panels = panels.where(optimum.proper & panels.fine)
         own_sd, own = _own(panels, domain)
         kappa_sd, kappa = panels.kappa()
@@ -262,9 +263,9 @@ class _Panels:
     fine: Bool
 
     @classmethod
-    def of(cls, cells: _Cells, optimum: _Optimum, domain: tuple[float, float]) -> _Panels:
+    def of(cls, cells: _Cells, optimum: _Optimum, domain: tuple[float, float], highest: float) -> _Panels:
         best = optimum.chi2
-        low, high, sd, closed = _ends_of(cells, optimum, domain)
+        low, high, sd, closed = _ends_of(cells, optimum, domain, highest)
         inside = (cells.walls > low[:, None]) & (cells.walls < high[:, None])
         most = int(inside.sum(axis=1).max(initial=0))
         kinks = np.sort(np.where(inside, cells.walls, np.inf), axis=1)[:, :most]
@@ -339,25 +340,31 @@ def _sum(values: Array) -> Array:
 
 
 def _ends_of(
-    cells: _Cells, optimum: _Optimum, domain: tuple[float, float]
+    cells: _Cells, optimum: _Optimum, domain: tuple[float, float], highest: float
 ) -> tuple[Array, Array, Array, Bool]:
-    """Ends of kappa between which the mass is, its least sd there, and whether both ends are inside."""
+    """Ends of kappa between which the mass is, its least sd there, and whether both ends are inside.
+
+    kappa may be `highest` at most.
+    """
     _, _, _, f3, f4, f5 = cells.forms
     low, high = cells.walls[:, :-1], cells.walls[:, 1:]
     best, inner = optimum.chi2, optimum.kappa
-    holds = optimum.least < best[:, None] + _FAR
-    first, last = holds.argmax(axis=1), holds.shape[1] - 1 - holds[:, ::-1].argmax(axis=1)
-    closed = holds.any(axis=1) & (last < cells.count) & (cells.at(low, domain)[:, 0] > best + _FAR)
     # how sharply a cell's chi2 rises with kappa, were the closure constant free
     bend = f5 - f4**2 / (4.0 * f3)
-    sd = 1.0 / np.sqrt(np.where(holds, bend, 0.0).max(axis=1))
+    sd = 1.0 / np.sqrt(np.where(optimum.least < best[:, None] + _NEAR, bend, 0.0).max(axis=1))
+    # a plateau as long as all that kappa may be, and what it adds to the variance
+    above = 2.0 * (3.0 * np.log(highest / sd) - _LOST)
+    edge = (best + above)[:, None]
+    holds = optimum.least < edge
+    first, last = holds.argmax(axis=1), holds.shape[1] - 1 - holds[:, ::-1].argmax(axis=1)
+    closed = holds.any(axis=1) & (last < cells.count) & (cells.at(low, domain)[:, :1] > edge)[:, 0]
     ends = []
     for cell, walls in ((first, low), (last, high)):
         own = _Cells(cells.walls, cells.count, np.take_along_axis(cells.forms, cell[None, :, None], axis=2))
         far, near = (np.take_along_axis(each, cell[:, None], axis=1) for each in (walls, inner))
         for _ in range(30):
             half = 0.5 * (far + near)
-            is_far = own.at(half, domain) > best[:, None] + _FAR
+            is_far = own.at(half, domain) > edge
             far, near = np.where(is_far, half, far), np.where(is_far, near, half)
         ends.append(far[:, 0])
     return ends[0], ends[1], sd, closed

@@ -16,6 +16,7 @@ from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_names import role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.readers import read_table
+from ifrfit.data.table_folders import tables_in
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
@@ -85,13 +86,7 @@ def table_files(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = sorted(
-                each
-                for each in path.rglob("*")
-                if each.suffix.lower() in _SUFFIXES
-                and each.is_file()
-                and not any(part.startswith((".", "_")) for part in each.relative_to(path).parts)
-            )
+            inside = tables_in(path, _SUFFIXES)
             if not inside:
                 raise DataError(f"{path}: there is no CSV, TSV or Parquet file in this folder.")
             found += inside

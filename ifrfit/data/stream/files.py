@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
+from ifrfit.data.table_folders import tables_in
 from ifrfit.errors import DataError, UsageError
 
 LARGE_ROWS, LARGE_BYTES = 500_000, 50_000_000  # of a file that is streamed unasked
@@ -28,11 +29,7 @@ def stream_files(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    found = sorted(
-        each
-        for each in path.rglob("*")
-        if each.name.lower().endswith(_SUFFIXES) and each.is_file() and not each.name.startswith((".", "_"))
-    )
+    found = tables_in(path, _SUFFIXES)
     if not found:
         raise DataError(f"{path}: there is no Parquet or CSV file in this folder.")
     return found

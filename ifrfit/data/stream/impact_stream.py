@@ -124,9 +124,9 @@ class ImpactStream:
             A file cannot be read or stands there twice, or there is none, or no row in any.
         """
         files = stream_files(path)
-        refuse_copies(files)
         stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
-        for piece in (piece for portion in stream.portions for piece in portion):
+        refuse_copies(list(dict.fromkeys(piece.path for piece in stream._pieces() if piece.rows)))
+        for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
                     return stream.choosing_by(identify(cells_of(batch, piece.path, 0), conventions))
@@ -135,7 +135,10 @@ class ImpactStream:
     @property
     def rows(self) -> int:
         """How many rows the files have, from what they say of themselves or their size."""
-        return sum(piece.rows for portion in self.portions for piece in portion)
+        return sum(piece.rows for piece in self._pieces())
+
+    def _pieces(self) -> Iterator[Piece]:
+        return (piece for portion in self.portions for piece in portion)
 
     def batches(self, portion: Portion, tally: Tally, sample: Sample | None = None) -> Iterator[Batch]:
         """The impacts of a portion, which are counted, and drawn from where there is a sample.

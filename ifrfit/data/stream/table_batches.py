@@ -68,6 +68,8 @@ def _csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
         head = stream.read(1 << 16)
     text = head.decode("utf-8-sig", errors="replace")
     header = next(iter(text.splitlines()), "")
+    if not text.strip():
+        raise DataError(f"{path}: the file is empty. Remove it.")
     if header.startswith("#") or ";" in header or "\t" in header or "," not in header:
         raise NotStreamableError(
             f"{path}: the first line is no plain header of names between commas, as a file needs that is not "

@@ -154,6 +154,8 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
 def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     """The fit of the sample, or why there is none."""
     stream = of.stream
+    if not of.sample.drawn:
+        return DataError("no row is whole; of each some value is left out.")
     wanted = replace(stream.selection, observable=stream.observables)
     try:
         sample = observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor)

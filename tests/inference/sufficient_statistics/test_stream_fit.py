@@ -212,3 +212,34 @@ def test_an_open_transition_is_told(tmp_path, monkeypatch):
     table = impacts(3000, sigma=3.0)
     with pytest.raises(DataError, match="leave open where sliding ends"):
         ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
+
+
+def test_files_without_rows_and_hidden_ones_change_nothing(tmp_path):
+    table = impacts(1000)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    alone = ifrfit.fit(folder, method="lsq")
+    for name in ("a.parquet", "zz.parquet"):  # of the same bytes, but nothing is counted twice
+        table.iloc[:0].to_parquet(folder / name)
+    (folder / "_unfinished").mkdir()
+    (table * 0.5).to_parquet(folder / "_unfinished" / "0.parquet")
+    table.iloc[::2].to_parquet(folder / "1.parquet.new")
+    with_them = ifrfit.fit(folder, method="lsq")
+    assert with_them.fit.n == alone.fit.n
+    assert with_them.constants["mu"].value == alone.constants["mu"].value
+    (folder / "empty.csv").write_text("", encoding="utf-8")
+    with pytest.raises(DataError, match=r"empty\.csv: the file is empty"):
+        ifrfit.fit(folder)
+
+
+def test_no_row_that_is_whole(tmp_path):
+    table = impacts(1000).assign(sigma_beta=0.0)
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"), method="lsq")
+    assert fit.fit.n == 1000
+    assert not fit.facts["identifiable"].ok
+    assert any("no row is whole" in said for said in fit.warnings)
+
+
+def test_numbers_of_rows_that_pandas_leaves(tmp_path):
+    table = impacts(1000)
+    some = folder_of(tmp_path / "some", table[table["gamma_deg"] < 80.0], 2, "parquet")
+    assert ifrfit.fit(some, method="lsq").fit.n == 2 * (table["gamma_deg"] < 80.0).sum()
