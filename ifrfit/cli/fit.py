@@ -58,7 +58,7 @@ def fit(
         try:
             result = run(**question, progress=progress, command=command_line())
         except KeyboardInterrupt:
-            kept = streams and out is not None
+            kept = out is not None and out.with_name(f"{out.name}.unfinished").is_dir()
             more = " What was read is kept: the same command goes on." if kept else ""
             typer.echo(f"ifrfit: interrupted.{more}", err=True)
             raise typer.Exit(130) from None

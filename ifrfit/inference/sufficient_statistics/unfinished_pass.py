@@ -115,7 +115,8 @@ class KeptParts:
                 os.fsync(file.fileno())
             fresh.replace(path)
         except OSError as error:
-            fresh.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                fresh.unlink(missing_ok=True)
             raise UsageError(
                 f"{path}: cannot be written ({error.strerror or error}). What was found before is kept: make "
                 "room, and run again."

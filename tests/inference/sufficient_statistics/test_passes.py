@@ -165,6 +165,14 @@ def test_a_damaged_part_and_a_full_disk_are_told(tmp_path, monkeypatch):
     assert not list((tmp_path / "out.unfinished").glob("*.new"))
 
 
+def test_what_is_kept_needs_a_folder(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+    (tmp_path / "out.unfinished").write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError, match="cannot be written"):
+        ifrfit.fit(folder, method=LeastSquares(resume=tmp_path / "out"))
+    assert (tmp_path / "out.unfinished").read_text(encoding="utf-8") == "mine"
+
+
 def test_a_file_that_changes_while_it_is_read(tmp_path):
     folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
 

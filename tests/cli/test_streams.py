@@ -1,0 +1,50 @@
+"""A fit of files that are not held in memory, stopped by Ctrl-C and gone on with."""
+
+from __future__ import annotations
+
+import pytest
+from command_line import in_this_process
+from streams import folder_of, impacts
+
+from ifrfit.data.stream import portions
+from ifrfit.inference.sufficient_statistics import passes
+
+pytest.importorskip("numba")
+
+
+def test_ctrl_c_keeps_what_was_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(portions, "FIRST_ROWS", 600)
+    monkeypatch.setattr(portions, "ROWS", 600)
+    folder, out = folder_of(tmp_path / "all", impacts(4000), 3, "parquet"), tmp_path / "out"
+    read, sums = [], passes._sums
+
+    def interrupted(nothing, tell, parts):
+        read.extend(parts)
+        if len(read) == stop:
+            raise KeyboardInterrupt
+        return sums(nothing, tell, parts)
+
+    monkeypatch.setattr(passes, "_sums", interrupted)
+    command = ("fit", folder, "--out", out, "--method", "lsq", "--quiet")
+    stop = 1
+    early = in_this_process(*command)
+    assert (early.returncode, early.stderr) == (130, "ifrfit: interrupted.\n")
+    read.clear()
+    stop = 4
+    late = in_this_process(*command)
+    assert late.returncode == 130
+    assert late.stderr == "ifrfit: interrupted. What was read is kept: the same command goes on.\n"
+    assert not out.exists()
+    read.clear()
+    stop = -1
+    assert in_this_process(*command).returncode == 0
+    assert [path.name for path in out.iterdir()] == ["result.json"]
+    assert len(read) == len(portions.portions_of(sorted(folder.iterdir()))) - 2
+    assert not (tmp_path / "out.unfinished").exists()
+
+
+def test_resume_names_the_folder_of_the_results(tmp_path):
+    folder, out = folder_of(tmp_path / "all", impacts(2000), 3, "parquet"), tmp_path / "out"
+    for _ in range(2):  # it replaces what is there
+        assert in_this_process("fit", folder, "--resume", out, "--quiet").returncode == 0
+    assert (out / "result.json").exists()
