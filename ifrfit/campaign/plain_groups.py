@@ -154,9 +154,9 @@ def _together(tables: Sequence[Cells]) -> Cells:
     """The tables under one another."""
     columns: list[CellColumn | DataError] = []
     for parts in zip(*(table.columns for table in tables), strict=True):
-        whole = [part for part in parts if isinstance(part, DataError)]
-        if whole:
-            columns.append(whole[0])
+        unreadable = [part for part in parts if isinstance(part, DataError)]
+        if unreadable:
+            columns.append(unreadable[0])
         elif isinstance(parts[0], np.ndarray):
             columns.append(np.concatenate(parts))
         else:
