@@ -151,8 +151,10 @@ def _scheduler() -> Any:
     return option(None, says, metavar="ADDRESS")
 
 
-def refuse_crew_in_memory(estimator: Estimator) -> None:
+def refuse_crew_in_memory(estimator: Estimator, *, was_large: bool = False) -> None:
     """Refuse what is only for data that are not held in memory.
+
+    A large file that cannot be streamed is held after all: there is only nothing to go on with.
 
     Raises
     ------
@@ -161,7 +163,9 @@ def refuse_crew_in_memory(estimator: Estimator) -> None:
     """
     if not isinstance(estimator, Exact | LeastSquares):
         return
-    asked = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler, "resume": estimator.resume}
+    asked: dict[str, object] = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler}
+    if not was_large:
+        asked["resume"] = estimator.resume
     for name, is_given in asked.items():
         if is_given:
             raise UsageError(

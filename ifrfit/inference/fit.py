@@ -118,7 +118,6 @@ def fit(
     )
     if streamed is not None:
         return streamed
-    refuse_crew_in_memory(estimator)
     question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
@@ -149,10 +148,11 @@ def _streamed(
 ) -> FitResult | None:
     """The fit of data that are not held in memory; None for all others."""
     parts = [data] if isinstance(data, str | Path | Observations) else list(data)
-    if len(parts) != 1 or isinstance(parts[0], Observations) or str(parts[0]) in dataset_names():
-        return None
-    path = Path(parts[0])
-    if not is_stream(path):
+    path = None
+    if len(parts) == 1 and not isinstance(parts[0], Observations) and str(parts[0]) not in dataset_names():
+        path = Path(parts[0])
+    if path is None or not is_stream(path):
+        refuse_crew_in_memory(estimator)
         return None
     from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
@@ -196,6 +196,7 @@ def _streamed(
     except NotStreamableError:
         if path.is_dir() or path.name.lower().endswith((".gz", ".zst")):
             raise
+        refuse_crew_in_memory(estimator, was_large=True)
         return None  # a file can be held in memory, if need be
 
 

@@ -82,11 +82,13 @@ class Reader:
             # all rows of the first stage are kept, and had better not travel
             crew, unfinished = (self.crew, self.unfinished) if total.tally.rows else (None, None)
             kept = unfinished.of(nothing) if unfinished is not None else None
-            missing = [portion for portion in stage if kept is None or not kept.has(portion)]
+            # asked once: the same command may be at work beside this one
+            is_kept = [kept is not None and kept.has(portion) for portion in stage]
+            missing = [portion for portion, there in zip(stage, is_kept, strict=True) if not there]
             tell = partial(self._tell, total.tally)
             fresh = in_order(missing, partial(_sums, nothing, self._here(tell, crew)), _lost, crew)
-            for portion in stage:
-                if kept is not None and kept.has(portion):
+            for portion, there in zip(stage, is_kept, strict=True):
+                if kept is not None and there:
                     part = kept.load(portion)
                 else:
                     part = next(fresh)

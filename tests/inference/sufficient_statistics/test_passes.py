@@ -235,3 +235,32 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path, monkeypatch):
     monkeypatch.setattr(crews, "start_processes", started)
     assert record_of(ifrfit.fit(folder, method=LeastSquares(workers=2))) == alone
     assert killed
+
+
+def test_the_same_command_twice_at_once(tmp_path, monkeypatch):
+    """Parts that the other one keeps meanwhile are not taken for those that are made here."""
+    folder, out = folder_of(tmp_path / "all", impacts(5000), 3, "parquet"), tmp_path / "out"
+    alone = record_of(ifrfit.fit(folder, method="lsq"))
+    keep = unfinished_pass.KeptParts.keep
+
+    def keeping(kept, portion, part):
+        keep(kept, portion, part)
+        for other in portions.portions_of(sorted(folder.iterdir()))[::2]:  # as the other one would
+            if not kept.has(other):
+                (own,) = passes._sums(kept.nothing, None, [other])
+                keep(kept, other, own)
+
+    monkeypatch.setattr(unfinished_pass.KeptParts, "keep", keeping)
+    assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out))) == alone
+
+
+def test_a_large_file_that_must_be_held(tmp_path, monkeypatch):
+    from command_line import in_this_process
+
+    from ifrfit.data.stream import files
+
+    monkeypatch.setattr(files, "LARGE_BYTES", 1000)
+    impacts(300).to_csv(tmp_path / "a.csv", index=False, sep=";")
+    command = ("fit", tmp_path / "a.csv", "--method", "lsq", "--quiet")
+    assert in_this_process(*command, "--out", tmp_path / "out").returncode == 0
+    assert "held in memory" in in_this_process(*command, "--workers", 2).stderr
