@@ -143,7 +143,7 @@ def _given_noises(result: FitResult) -> Iterator[Row]:
     for observable, series in given.items():
         whose = f" in {joined(series)}" if observable in estimated else ""
         sigmas = [result.noise.sigma[f"{name}/{observable}"] for name in series]
-        if len(result.points):
+        if len(result.points) and not result.is_sampled:
             own = (result.points["observable"] == observable) & result.points["series"].isin(series)
             sigmas = result.points["sigma"][own].to_list()
         low, high = (fixed(x, _places(x)) for x in (min(sigmas), max(sigmas)))

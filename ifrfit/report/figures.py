@@ -16,7 +16,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report import panels, style
 from ifrfit.report.panels import handle, is_outlier
-from ifrfit.report.provenance import is_stand_in, provenance_words
+from ifrfit.report.provenance import amount_words, is_stand_in, provenance_words
 from ifrfit.report.regimes import (
     Regimes,
     at_true_angles,
@@ -148,6 +148,8 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
     if is_outlier(result, points).any():
         entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
+    if result.is_sampled:
+        entries.append((handle("", 0.0, "none"), f"points: {amount_words(result)}"))
     return entries
 
 

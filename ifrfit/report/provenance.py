@@ -85,7 +85,7 @@ def reference(source: Source, *, full: bool = False) -> str:
 def contents(result: FitResult, source: Source) -> str:
     """Say how many impacts of what a source gave, of which kind, and what sigma meant."""
     rows = rows_of(result, source)
-    if len(rows):
+    if len(rows) and not result.is_sampled:
         observables = [str(name) for name in rows["observable"].unique()]
         text = f"{_amount(rows)}, {joined(observables)}"
         readings = int(rows["n_repeats"].sum())
@@ -124,3 +124,9 @@ def _amount(rows: pd.DataFrame) -> str:
         return f"{count} value{'s' if count != 1 else ''}"
     words = f"{impacts} impact{'s' if impacts != 1 else ''}"
     return words if impacts == count else f"{words} ({count} rows)"
+
+
+def amount_words(result: FitResult) -> str:
+    """How many rows are shown, and of how many where these are a sample."""
+    shown = len(result.points)
+    return f"a random sample of {shown:,} of {result.fit.n:,} rows" if result.is_sampled else f"{shown} rows"

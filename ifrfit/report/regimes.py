@@ -109,7 +109,9 @@ def regime_lines(result: FitResult, sign: str = "+-") -> list[str]:
     Of many series that have one transition, one line.
     """
     names = angled_series(result)
-    counts = {name: regime_counts(result, name) for name in names} if len(result.points) else {}
+    # those of a sample are no counts of the data
+    counted = len(result.points) and not result.is_sampled
+    counts = {name: regime_counts(result, name) for name in names} if counted else {}
     words = {name: transition_words(result, name, counts.get(name), sign) for name in names}
     if len(counts) > _MOST_LINES and len(set(words.values())) == 1:
         stick, slide = (sum(each[regime] for each in counts.values()) for regime in (0, 1))

@@ -38,7 +38,7 @@ def test_ctrl_c_keeps_what_was_read(tmp_path, monkeypatch):
     read.clear()
     stop = -1
     assert in_this_process(*command).returncode == 0
-    assert [path.name for path in out.iterdir()] == ["result.json"]
+    assert {path.name for path in out.iterdir()} == {"result.json", "fit.svg", "fit.png", "report.html"}
     assert len(read) == len(portions.portions_of(sorted(folder.iterdir()))) - 2
     assert not (tmp_path / "out.unfinished").exists()
 

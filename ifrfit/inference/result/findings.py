@@ -58,7 +58,8 @@ class Findings:
     warnings : tuple of str
     state : State
     points : DataFrame
-        Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
+        Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking. A
+        random sample of them where data were not held in memory (`is_sampled`).
     command, seed, created, versions
         How to repeat it.
     asked : tuple of Parameter
@@ -134,6 +135,11 @@ class Findings:
                 "A result that was read from a file holds no problem any more: fit the data again."
             )
         return self.problem, self.least_squares
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the points are a random sample of the rows that were used: these are not kept."""
+        return 0 < len(self.points) < self.fit.n
 
     @property
     def is_posterior(self) -> bool:

@@ -29,14 +29,19 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
     Raises
     ------
     UsageError
-        If the file holds no points (more than 100000 rows), or not the domains and priors of the constants
-        (files of early versions).
+        If the file holds no points (more than 100000 rows) or only a sample of them, or not the domains and
+        priors of the constants (files of early versions).
     """
     if result.problem is not None and result.least_squares is not None:
         return result.problem, result.least_squares
     if not result.asked:
         raise UsageError(
             "The result does not say with which bounds and priors it was fitted. Fit the data again."
+        )
+    if result.is_sampled:
+        raise UsageError(
+            f"The result keeps a sample of {len(result.points):,} of {result.fit.n:,} values, which cannot "
+            "stand for all of them. Fit the data again."
         )
     if not len(result.points):
         raise UsageError("The result holds no points. Fit the data again.")

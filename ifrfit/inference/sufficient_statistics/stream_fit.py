@@ -31,6 +31,7 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 )
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
+from ifrfit.inference.sufficient_statistics.shown_points import shown_points
 from ifrfit.inference.sufficient_statistics.transition_window import Question
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
@@ -115,11 +116,15 @@ def fit_stream(
     evidence = result.fit.log_evidence
     if isinstance(sample, DataError):
         said = f"no fact on single rows was looked for, because a sample of them is refused: {sample}"
+        points = result.points.iloc[:0]
     else:
         said = (
             f"facts on single rows were looked for in a sample of {len(sample.points):,} values of "
-            f"{source.rows_used:,}; the result keeps no rows, so that there is neither figure nor report"
+            f"{source.rows_used:,}"
         )
+        points = shown_points(sample, problem, optimum, seed)
+        if len(points) < source.rows_used:
+            said = f"{said}; the result keeps {len(points):,} of them, for figure and report"
     return replace(
         result,
         inputs=(source,),
@@ -129,7 +134,7 @@ def fit_stream(
         ),
         facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, sample, kinds)),
         warnings=(*result.warnings, *warnings_of(of, source), said),
-        points=result.points.iloc[:0],
+        points=points,
         problem=None,
         least_squares=None,
     )

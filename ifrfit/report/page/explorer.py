@@ -29,6 +29,8 @@ def reason_without_panel(result: FitResult) -> str:
     """Why there is no panel; empty where there is one."""
     if result.closure not in CLOSURES or not CLOSURES[result.closure].bilinear:
         return f"The panel knows no closure {result.closure}: the picture above stands alone."
+    if result.is_sampled:
+        return "The panel works out chi2 of the rows that it shows, which are a sample here: there is none."
     names = _observables(result)
     if not any(OBSERVABLES[name].has_angle for name in names):
         return "These values do not depend on the angle: there is no curve to move."

@@ -111,8 +111,8 @@ def _shortened(words: list[str]) -> list[str]:
 def _amount(result: FitResult) -> str:
     """Count what the data are, as the subject of a sentence."""
     points = result.points
-    if not len(points):
-        return f"{result.fit.n} rows"
+    if not len(points) or result.is_sampled:
+        return f"{result.fit.n:,} rows"
     observables = [str(name) for name in points["observable"].unique()]
     if not any(has_angle(name) for name in observables):
         return f"{len(points)} value{'s' if len(points) != 1 else ''} of {joined(observables)}"

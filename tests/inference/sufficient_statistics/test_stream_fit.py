@@ -6,13 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from streams import folder_of, impacts
 
 import ifrfit
 from ifrfit.data.stream import files as stream_files_module
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.result.restore import question
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
 from ifrfit.inference.sufficient_statistics import transition_window
+from ifrfit.inference.sufficient_statistics.shown_points import MOST_SHOWN
 
 pytest.importorskip("numba")
 
@@ -135,13 +138,51 @@ def test_a_slip_is_found_in_the_sample(tmp_path):
     assert slip.says.startswith("in a sample of ")
 
 
-def test_a_result_keeps_no_rows(tmp_path):
-    fit = ifrfit.fit(folder_of(tmp_path / "all", impacts(2000), 2, "parquet"))
+def test_a_result_of_few_impacts_keeps_them(tmp_path):
+    table = impacts(1500)
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
+    assert not fit.is_sampled
+    assert len(fit.points) == fit.fit.n
+    table.to_csv(tmp_path / "all.csv", index=False)
+    held = ifrfit.fit(tmp_path / "all.csv", method="lsq")
+    for name in ("value", "fitted", "residual", "sigma_used"):
+        np.testing.assert_allclose(np.sort(fit.points[name]), np.sort(held.points[name]), atol=1e-9)
+    assert np.bincount(fit.points["sticking"]).tolist() == np.bincount(held.points["sticking"]).tolist()
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+def test_a_result_of_many_keeps_a_sample(tmp_path, noise):
+    table = impacts(9000)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    fit = ifrfit.fit(folder, noise=noise)
+    assert fit.is_sampled
+    assert len(fit.points) == MOST_SHOWN < fit.fit.n
+    points = fit.points[fit.points["observable"] == "beta"]
+    predicted = [fit.predict([g], x, y)["value"].item() for g, x, y in _angle_and_spin(points.head(5))]
+    np.testing.assert_allclose(points["fitted"].head(5), predicted, rtol=1e-2, atol=1e-2)
+    # of clean data, by their own noise
+    assert abs(fit.points["standardised"].std() - 1.0) < 4.0 / math.sqrt(2.0 * MOST_SHOWN)
     fit.save(tmp_path / "result.json")
     again = ifrfit.load_result(tmp_path / "result.json")
-    assert again.constants["mu"].value == fit.constants["mu"].value
-    assert len(again.points) == 0
-    np.testing.assert_allclose(again.predict([30.0])["value"], fit.predict([30.0])["value"], rtol=1e-9)
+    assert again.is_sampled
+    with pytest.raises(UsageError, match=r"a sample of 4,000 of .* cannot stand for all"):
+        question(again)
+
+
+def _angle_and_spin(points):
+    return points[["gamma_deg", "spin_x", "spin_y"]].itertuples(index=False)
+
+
+def test_figure_and_report_of_a_sample_say_so(tmp_path):
+    fit = ifrfit.fit(folder_of(tmp_path / "all", impacts(9000), 2, "parquet"))
+    texts = [text.get_text() for text in fit.plot().findobj(Text)]
+    said = f"a random sample of 4,000 of {fit.fit.n:,} rows"
+    assert f"points: {said}" in texts
+    fit.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert said in page
+    assert "line 0" not in page
+    assert "The same fit from the data inside this report" not in page
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.provenance import stand_in_words
+from ifrfit.report.provenance import amount_words, stand_in_words
 from ifrfit.report.regimes import REGIMES, regime_lines, regime_name
 from ifrfit.text import joined
 
@@ -23,9 +23,9 @@ def build(given: ReportInput) -> Sequence[Block]:
         return (Paragraph(NO_POINTS, "note"),)
     observables = joined([str(name) for name in result.points["observable"].unique()])
     stand_in = stand_in_words(result)
-    described = f"{stand_in}{len(result.points)} rows of {observables} with the fitted curve. " + " ".join(
-        f"{line}." for line in regime_lines(result, "±")
-    )
+    shown = f"{amount_words(result).capitalize()} of {observables}"
+    regimes = " ".join(f"{line}." for line in regime_lines(result, "±"))
+    described = f"{stand_in}{shown} with the fitted curve. {regimes}"
     stick, slide = (regime_name(result, regime) for regime in REGIMES)
     shades = f" Shaded: {stick}; grey bar: where {stick} turns into {slide}."
     blocks: list[Block] = [

@@ -18,7 +18,7 @@ from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.provenance import kinds_of, left_out, provenance_words, stand_in_words
+from ifrfit.report.provenance import amount_words, kinds_of, left_out, provenance_words, stand_in_words
 from ifrfit.report.regimes import REGIMES, regime_name
 
 if TYPE_CHECKING:
@@ -44,14 +44,15 @@ def build(given: ReportInput) -> Sequence[Block]:
     text = points_csv(result)
     fits_inside = len(text) <= MOST_INSIDE
     if fits_inside:
-        words = f"{stand_in_words(result)}The data used, in the common schema."
+        data = amount_words(result).capitalize() if result.is_sampled else "The data used"
+        words = f"{stand_in_words(result)}{data}, in the common schema."
         blocks.append(Download(POINTS, "text/csv", text, words))
     whole = dumps(result.to_dict())
     if len(whole) <= MOST_INSIDE:
         words = "The whole result, which ifrfit report and ifrfit predict read."
         blocks.append(Download("result.json", "application/json", whole, words))
     repeat_line = from_points(result, POINTS)
-    if fits_inside and repeat_line:
+    if fits_inside and repeat_line and not result.is_sampled:
         blocks.append(Code("The same fit from the data inside this report:", repeat_line))
     if not fits_inside:
         blocks.append(Paragraph(f"The data ({len(result.points)} rows) are too large for this page.", "note"))
@@ -103,7 +104,7 @@ def _table(result: FitResult) -> Table:
     regimes = [regime_name(result, regime) for regime in REGIMES]
     rows = tuple(
         (
-            str(number),
+            str(number) if number > 0 else "",
             str(series),
             str(observable),
             *(_number(column[i]) for column in columns),
@@ -115,8 +116,8 @@ def _table(result: FitResult) -> Table:
     )
     left = f" The first {MOST_SHOWN} of {len(points)}." if len(points) > MOST_SHOWN else ""
     caption = (
-        f"{stand_in_words(result)}The data: {len(points)} rows used, with the fitted values and standardised "
-        f"residuals.{left}"
+        f"{stand_in_words(result)}The data: {amount_words(result)} used, with the fitted values and "
+        f"standardised residuals.{left}"
     )
     return Table(caption, head, rows, frozenset(range(3, len(head) - 1)), folded=len(rows) > FOLDED)
 

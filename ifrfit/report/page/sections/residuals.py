@@ -15,7 +15,7 @@ from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.panels import RESIDUAL_SIZE, is_outlier, look_of, residual_limits, sticks
-from ifrfit.report.provenance import stand_in_words
+from ifrfit.report.provenance import amount_words, stand_in_words
 from ifrfit.report.regimes import REGIMES, regime_name
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
@@ -37,7 +37,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     z = points["standardised"].to_numpy(dtype=float)
     largest = int(np.nanargmax(np.abs(z))) if np.isfinite(z).any() else 0
     place = points.iloc[largest]
-    worst = f"The largest is {z[largest]:+.2f}, in {place['source']} line {place['row']}."
+    line = f" line {place['row']}" if place["row"] > 0 else ""  # in rows that were streamed it is not known
+    worst = f"The largest is {z[largest]:+.2f}, in {place['source']}{line}."
     count = int((np.abs(z) > 2.0).sum())
     beyond = f"{count} of {z.size} {'lies' if count == 1 else 'lie'} beyond ±2 σ."
     pictures = []
@@ -51,21 +52,24 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                 draw_against(result, styles, gamma, "incidence angle γ (deg)"),
             )
         )
-    order = np.arange(1.0, z.size + 1.0)
-    pictures += [
-        Picture(
-            "residuals-order",
-            "Residuals in the order of the rows",
-            f"Standardised residuals row by row. {worst}",
-            draw_against(result, styles, order, "row (number, in order)"),
-        ),
+    if line:
+        order = np.arange(1.0, z.size + 1.0)
+        pictures.append(
+            Picture(
+                "residuals-order",
+                "Residuals in the order of the rows",
+                f"Standardised residuals row by row. {worst}",
+                draw_against(result, styles, order, "row (number, in order)"),
+            )
+        )
+    pictures.append(
         Picture(
             "residuals-quantiles",
             "Residuals against normal quantiles",
             f"Ordered residuals against the normal law. {beyond}",
             draw_quantiles(result, styles),
-        ),
-    ]
+        )
+    )
     stick, slide = (regime_name(result, regime) for regime in REGIMES)
     caption = (
         f"{stand_in_words(result)}Standardised residuals at the optimum: each over its own standard "
@@ -73,6 +77,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
         f"{stick}; filled: {slide}; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
         f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
+    if result.is_sampled:
+        caption = f"{caption} Of {amount_words(result)}."
     return (Pictures(tuple(pictures), caption),)
 
 
