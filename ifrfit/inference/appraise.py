@@ -58,7 +58,7 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     except IfrfitError as error:
         profiles, without_profiles = result.profiles, str(error)
         if result.is_sampled:
-            without_profiles = f"{_not_held(result)}: there are no profiles."
+            without_profiles = f"{_beyond_memory(result)}: there are no profiles."
     else:
         without_profiles = _without_profiles(problem)
         if result.profiles:
@@ -77,7 +77,7 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     )
 
 
-def _not_held(result: FitResult) -> str:
+def _beyond_memory(result: FitResult) -> str:
     return f"The {result.fit.n:,} rows of this fit were not held in memory"
 
 
@@ -108,7 +108,7 @@ def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) ->
 def _comparison(result: FitResult) -> tuple[Comparison | None, str]:
     """All closures by the question of a result; or none, and the sentence that says why."""
     if result.is_sampled:
-        return None, f"{_not_held(result)}: ifrfit fit --closure fits another one"
+        return None, f"{_beyond_memory(result)}: ifrfit fit --closure fits another one"
     reason = _too_large_to_compare(result)
     if reason:
         return None, f"{reason}: ifrfit compare puts the closures side by side"
