@@ -13,6 +13,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
+from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
 from ifrfit.inference.posterior.marginals import (
     Marginal,
@@ -27,7 +28,7 @@ _ROUNDS = 30
 # Sizes of grids, in values of the density
 _SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
-_MEMORY = 6_000_000  # that would fill the memory (some 0.9 GB)
+_MEMORY = 12_000_000  # that would fill the memory (some 0.8 GB)
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
 _LOOSER = 2.0  # times what was allowed, until the next grid fits into memory
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
@@ -194,6 +195,9 @@ class Refinement:
         Of `most_work`.
     """
 
+    density: JointDensity
+    marginals: Mapping[str, Marginal]
+
     def __init__(
         self,
         layout: IntegralLayout,
@@ -285,6 +289,10 @@ class Refinement:
             raise _too_large(self._integral.size())
 
     def _evaluate(self) -> None:
+        # the grid before, on which the marginals rest, goes first: two would take twice the memory
+        self.marginals = {}
+        if hasattr(self, "density"):
+            del self.density
         self.work_left -= self._integral.work()
         self.density, self._reaches_end = self._integral.evaluate(), None
         self.evidence_error = self.density.evidence_error()

@@ -6,9 +6,10 @@ Derivation: ``docs/theory/posterior.md``, sections 1 to 4.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ _TINY = 1e-300
 _NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
 _MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 _ROUNDING = 1e-12  # of the largest transition
+_AT_ONCE = 1_000_000  # values of the density worked on at once
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,12 @@ class DensityGrid:
             whole = _followed_outside(whole, series.x_axis, limits)
         shift = whole.max(axis=(1, 2))
         shift = np.where(np.isfinite(shift), shift, 0.0)
+        f = logs[0]
+        if not f.flags.writeable:
+            f = f.copy()
         with np.errstate(invalid="ignore"):
-            f = np.exp(logs[0] - np.where(np.isfinite(top), top, 0.0)[..., None])
+            np.subtract(f, np.where(np.isfinite(top), top, 0.0)[..., None], out=f)
+        np.exp(f, out=f)
         factor = np.exp(whole - shift[:, None, None])
         shape = np.broadcast(factor, nodes.e_n[:1], nodes.x[:1], f[..., 0]).shape
         if factor.shape != shape:
@@ -347,9 +353,69 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
         limits = _limits(series, known)
         if series.is_unbounded:  # eq. (3)
             log_jacobian = log_jacobian + (math.log(series.unit) - 2.0 * np.log1p(-t))
+    noise = shared["noise"][:, None, None, None] if "noise" in shared else None
+    slabs = _slabs(series, known)
+    if len(slabs) == 1:
+        found = _density_at(series, known, x, log_jacobian, noise)
+    else:
+        # arithmetic on all nodes at once would take several times the memory of what is kept
+        parts = (
+            _density_at(series, replace(known, e_n=known.e_n[:, slab]), x, log_jacobian, noise)
+            for slab in slabs
+        )
+        found = _NodeDensity.joined(parts, slabs)
+    return DensityGrid.of(series, found.nodes, (found.with_c, found.without_c), limits, found.coordinate)
+
+
+@dataclass(frozen=True)
+class _NodeDensity:
+    """Log density at some nodes: what varies with the closure constant, (m, n_e, n_x, n_c), and the rest."""
+
+    nodes: Nodes
+    with_c: Array
+    without_c: Array
+    coordinate: ConditionalCoordinate | None
+
+    @classmethod
+    def joined(cls, parts: Iterable[_NodeDensity], slabs: Sequence[slice]) -> _NodeDensity:
+        """That of all nodes of e_n, from slabs of them."""
+        n_e, made = slabs[-1].stop, list[Array]()
+        for part, slab in zip(parts, slabs, strict=True):
+            arrays = part._arrays()
+            if not made:  # what does not depend on e_n stays as it is
+                made = [
+                    np.empty((own.shape[0], n_e, *own.shape[2:])) if own.shape[1] > 1 else own
+                    for own in arrays
+                ]
+            for whole, own in zip(made, arrays, strict=True):
+                if own.shape[1] > 1:
+                    whole[:, slab] = own
+        e_n, x, c, mu, with_c, without_c, *rest = made
+        return cls(Nodes(e_n, x, c, mu), with_c, without_c, ConditionalCoordinate(*rest) if rest else None)
+
+    def _arrays(self) -> list[Array]:
+        n, at = self.nodes, self.coordinate
+        own = [n.e_n, n.x, n.c, n.mu, self.with_c, self.without_c]
+        return own if at is None else [*own, at.mode, at.size, at.u_max]
+
+
+def _slabs(series: SeriesIntegral, known: Values) -> list[slice]:
+    """Nodes of e_n that are worked on at once, at least two."""
+    n_e = known.e_n.shape[1]
+    of_c = 2 * (series.c_order + 1) if series.integrates_c and 1 not in series.c_independent_axes else 1
+    outer = max(known.c.shape[0], known.mu.shape[0], known.e_n.shape[0])
+    values = outer * n_e * of_c * (1 if series.x_axis is None else series.x_axis.size)
+    count = max(1, min(n_e // 2, values // _AT_ONCE))
+    ends = np.linspace(0, n_e, count + 1).astype(int)
+    return [slice(int(low), int(high)) for low, high in pairwise(ends)]
+
+
+def _density_at(
+    series: SeriesIntegral, known: Values, x: Array, log_jacobian: Array, noise: Array | None
+) -> _NodeDensity:
+    """Likelihood times prior at the nodes of e_n that are known, and all others."""
     values, x, log_role = series.role.solve(x, known)
     log_jacobian = log_jacobian + log_role
-    noise = shared["noise"][:, None, None, None] if "noise" in shared else None
     squares = series.squares.quadratics(values.e_n, x)
     log_measure = log_jacobian[..., None]
     coordinate: ConditionalCoordinate | None = None
@@ -368,7 +434,7 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
         without_c = without_c + log_measure[..., 0]
     else:
         with_c = with_c + log_measure
-    return DensityGrid.of(series, Nodes(values.e_n, x, c_nodes, mu), (with_c, without_c), limits, coordinate)
+    return _NodeDensity(Nodes(values.e_n, x, c_nodes, mu), with_c, without_c, coordinate)
 
 
 def _known(series: SeriesIntegral, shared: Mapping[str, Array]) -> Values:

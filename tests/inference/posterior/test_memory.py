@@ -140,3 +140,33 @@ def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
         for level in (0.025, 0.975):
             at = post.quantile(constant, level)
             assert abs(float(share @ [p.cdf(constant, at) for p in each]) - level) < 2e-3
+
+
+def test_a_value_of_the_grid_takes_few_bytes() -> None:
+    """111 bytes when all nodes were worked on at once, beside the grid before."""
+    problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
+    tracemalloc.start()
+    post = integrate(problem, tolerance=1e-3)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    size = post.density.size()
+    assert size > 1_500_000
+    assert peak < 85 * size
+
+
+@pytest.mark.parametrize("closure", ["fr", "f", "ifr", "maw"])
+@pytest.mark.parametrize("observable", ["beta_cm", "delta_deg"])
+@pytest.mark.parametrize("prior", [{}, {"mu": (0.5, 0.1)}])
+def test_slabs_of_e_n_are_the_whole(monkeypatch: pytest.MonkeyPatch, closure, observable, prior) -> None:
+    gamma = [20.0, 35.0, 50.0, 65.0, 80.0]
+    rows = measured(observable, gamma, seed=2, sigma=0.05, c=-0.66, mu=0.5, e_n=0.6)
+    problem = Question(rows, closure, prior=prior).problem()
+    module = importlib.import_module("ifrfit.inference.posterior.density_grid")
+    whole = integrate(problem, tolerance=1e-2)
+    monkeypatch.setattr(module, "_AT_ONCE", 1000)
+    parts = integrate(problem, tolerance=1e-2)
+    assert parts.log_evidence == pytest.approx(whole.log_evidence, abs=1e-10)
+    for name in whole.names:
+        sd = whole.sd(name)
+        assert parts.mean(name) == pytest.approx(whole.mean(name), abs=1e-9 * sd)
+        np.testing.assert_allclose(parts.quantile(name, LEVELS), whole.quantile(name, LEVELS), atol=1e-8 * sd)
