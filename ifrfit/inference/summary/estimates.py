@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 Kappas = Mapping[str, Estimate]  # by series
 
 _REACHED = 0.1465  # density at a bound over the largest one, above which the 95 % region reaches the bound
+_LEAST_TOP = 0.11  # of any density, over 1/sd: 15/16 of it lie within 4 sd of the mean (Chebyshev)
 _SAME = 1e-12  # sd, relative to the mean, below which all draws are one value
 
 
@@ -86,14 +87,16 @@ def _reached(distribution: Distribution, name: str, lower: float, upper: float) 
     if sd <= _SAME * abs(mean):  # every draw is the same
         return on_bound(mean, lower), on_bound(mean, upper)
     step = distribution.resolution * sd
-    middle = mean + sd * np.linspace(-4.0, 4.0, 33)
-    edges = np.clip(np.concatenate((middle, [lower, lower + step, upper - step, upper])), lower, upper)
-    cdf = np.asarray(distribution.cdf(name, edges))
+    at_ends = np.clip([lower, lower + step, upper - step, upper], lower, upper)
+    low, above_low, below_high, high = np.asarray(distribution.cdf(name, at_ends))
+    at_lower, at_upper = (above_low - low) / step, (high - below_high) / step
+    if max(at_lower, at_upper) * sd < _REACHED * _LEAST_TOP:
+        return False, False
+    edges = np.clip(mean + sd * np.linspace(-4.0, 4.0, 33), lower, upper)
     with np.errstate(divide="ignore", invalid="ignore"):
-        density = np.diff(cdf[:33]) / np.diff(edges[:33])
+        density = np.diff(np.asarray(distribution.cdf(name, edges))) / np.diff(edges)
     # bounds cut some of these steps short, and draws that lie on a bound would be dense there without limit
-    top = float(np.where(np.diff(edges[:33]) >= step, density, 0.0).max())
-    at_lower, at_upper = (cdf[34] - cdf[33]) / step, (cdf[36] - cdf[35]) / step
+    top = float(np.where(np.diff(edges) >= step, density, 0.0).max())
     top = max(top, at_lower, at_upper)
     return bool(at_lower > _REACHED * top), bool(at_upper > _REACHED * top)
 
