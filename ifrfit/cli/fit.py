@@ -43,6 +43,8 @@ def fit(
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
     streams = _streams(question["data"])
+    if streams and intervals:
+        raise UsageError("--intervals: data that are not held in memory have no profiles. Leave it out.")
     resume = getattr(question["method"], "resume", None)
     if resume is not None and out is None:
         out, force = Path(resume), True

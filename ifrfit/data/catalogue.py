@@ -164,6 +164,11 @@ def resolve(
     """
     name, path = str(name_or_path), Path(name_or_path)
     names = dataset_names()
+    if name not in names and path.is_dir() and not (path / PACKAGE_FILE).exists():
+        raise DataError(
+            f"{path}: a folder of tables is not held in memory; ifrfit fit and ifrfit campaign take it. Give "
+            "one of its files here, or the folder of a dataset, which has a datapackage.json."
+        )
     if name in names or path.is_dir():
         if convention:
             raise UsageError(f"{name} is a dataset in the common schema: leave --convention away.")

@@ -48,3 +48,19 @@ def test_resume_names_the_folder_of_the_results(tmp_path):
     for _ in range(2):  # it replaces what is there
         assert in_this_process("fit", folder, "--resume", out, "--quiet").returncode == 0
     assert (out / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("compare",), "a folder of tables is not held in memory; ifrfit fit and ifrfit campaign take it"),
+        (("cost",), "Give one of its files here"),
+        (("fit", "--intervals"), "--intervals: data that are not held in memory have no profiles"),
+    ],
+)
+def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypatch, command, said):
+    folder = folder_of(tmp_path / "all", impacts(300), 2, "parquet")
+    monkeypatch.setattr(passes, "_sums", None)
+    refused = in_this_process(command[0], folder, *command[1:])
+    assert refused.returncode != 0
+    assert said in refused.stderr

@@ -128,11 +128,12 @@ class Findings:
         Raises
         ------
         UsageError
-            For a result that was read from a file, which holds neither.
+            For a result that was read from a file, or of rows that were not held in memory: it has neither.
         """
         if self.problem is None or self.least_squares is None:
             raise UsageError(
-                "A result that was read from a file holds no problem any more: fit the data again."
+                "This takes all rows, and the result holds none of its problem: it was read from a file, or "
+                "the rows were not held in memory. Fit the data again, or a part of them in one file."
             )
         return self.problem, self.least_squares
 

@@ -136,24 +136,20 @@ class FitResult(Findings, Display):
         Raises
         ------
         UsageError
-            For a result that was read from a file: it does not hold the problem any more. For a scatter that
-            profiles do not know.
+            For a result without its problem, which was read from a file or is of rows that were not held in
+            memory. For a scatter that profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
         from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 
-        if self.problem is None:
-            raise UsageError(
-                "A result that was read from a file has no intervals to compare: fit the data again."
-            )
-        if self.problem.offset is not None:
+        problem, optimum = self.problem_and_optimum()
+        if problem.offset is not None:
             raise UsageError("Intervals are not compared with an angle offset: leave --intervals out.")
         if not self.noise.error_model.is_plain:
             raise UsageError(
                 "Intervals are compared for independent Gaussian errors of the values only: leave out "
                 "--intervals, or the choice of scatter."
             )
-        problem, optimum = self.problem_and_optimum()
         own = self.distribution
         posterior = own if isinstance(own, ExactPosterior) else exact_posterior(problem, start=optimum)
         return intervals(problem, optimum, posterior, self.profiles or None)
