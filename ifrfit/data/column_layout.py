@@ -173,10 +173,11 @@ def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64])
         With file, line, column and remedy.
     """
     size = np.abs(values)
-    if not (size >= _SHORT_CODES[0]).any():  # as in most columns: nothing is as large as a code
+    largest = size.max(where=np.isfinite(size), initial=0.0)
+    if largest < _SHORT_CODES[0]:  # as in most columns: nothing is as large as a code
         return
-    suspect = np.isin(size, _CODES)
-    for code in _SHORT_CODES[np.isin(_SHORT_CODES, size)]:
+    suspect = np.isin(size, _CODES[_CODES <= largest])
+    for code in _SHORT_CODES:
         short = size == code
         if short.sum() >= _SEVERAL and (~short & np.isfinite(values)).any():
             suspect |= short

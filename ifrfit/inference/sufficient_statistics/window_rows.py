@@ -56,8 +56,9 @@ class WindowRows:
     def narrow(self, inside: Mask) -> None:
         """Let go of what lies in other intervals than these."""
         self.inside = self.inside & inside
-        for name, found in self.arrays().items():
-            self.parts[name] = [found[:, self.inside[found[_PLACE].astype(np.intp)]]]
+        for name, parts in self.parts.items():
+            kept = (part[:, self.inside[part[_PLACE].astype(np.intp)]] for part in parts)
+            self.parts[name] = [part for part in kept if part.size] or [parts[0][:, :0]]
 
     def arrays(self) -> dict[str, Array]:
         """By observable, (7, n)."""
