@@ -176,7 +176,7 @@ def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64])
     largest = size.max(where=np.isfinite(size), initial=0.0)
     if largest < _SHORT_CODES[0]:  # as in most columns: nothing is as large as a code
         return
-    suspect = np.isin(size, _CODES[_CODES <= largest])
+    suspect = np.isin(size, _CODES[largest >= _CODES])
     for code in _SHORT_CODES:
         short = size == code
         if short.sum() >= _SEVERAL and (~short & np.isfinite(values)).any():

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import get_context
 
@@ -41,7 +41,13 @@ def worker_processes(workers: int) -> Iterator[Executor]:
 def start_processes(workers: int) -> ProcessPoolExecutor:
     """As `worker_processes`, for who looks after the death of a process himself."""
     added = registered_here(f"--workers {workers}")
-    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
+    # a process that were first started when work comes could start while another one dies, and Python 3.11's
+    # pool would print that it cannot count its processes meanwhile
+    with suppress(BrokenProcessPool):
+        for _ in range(workers):
+            pool.submit(int)
+    return pool
 
 
 def could_not_start(workers: int) -> UsageError:
