@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +16,10 @@ from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum,
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Fact, FitStatistics
+from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.transition_window import MEAN, SCATTER
 from ifrfit.text import joined
@@ -136,6 +138,9 @@ def facts_of_all(
     own["lack_of_fit"] = _lack_of_fit(problem, optimum, kinds)
     if isinstance(sample, DataError):
         return own
+    scatter = sample.facts.get("lack_of_fit")
+    if scatter is not None and not scatter.ok and own["lack_of_fit"].ok:
+        del own["lack_of_fit"]  # means of many values do not tell how far single ones scatter
     looked = {
         name: replace(fact, says=f"in a sample of {len(sample.points):,} values: {fact.says}")
         for name, fact in sample.facts.items()
@@ -146,6 +151,19 @@ def facts_of_all(
         **own,
         **{k: f for k, f in looked.items() if f.ok},
     }
+
+
+def assumed_by(sample: FitResult, result: FitResult) -> tuple[str, ...]:
+    """What is taken for granted, by rows as they were measured; sizes over the sd of the result of all.
+
+    An error that all rows share moves the constants of a sample as far as those of all: the condensed rows
+    have angles of their own, which say nothing of it.
+    """
+    problem, fit = sample.problem_and_optimum()
+    kappa = result.derived.get("kappa")
+    kappas = kappa if isinstance(kappa, Mapping) else dict.fromkeys(problem.series, kappa)
+    known = {name: found for name, found in kappas.items() if isinstance(found, Estimate)}
+    return assumed_of(problem, fit, result.constants, known, result.noise)
 
 
 def warnings_of(of: Accumulated, source: Source) -> list[str]:

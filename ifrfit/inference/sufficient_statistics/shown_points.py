@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_SHOWN = 4000
+_FITTED = 1e-6  # 1 - leverage of a row that is fitted exactly
 
 
 def shown_points(sample: FitResult, problem: Problem, optimum: LeastSquaresFit, seed: int) -> pd.DataFrame:
@@ -34,12 +35,12 @@ def shown_points(sample: FitResult, problem: Problem, optimum: LeastSquaresFit, 
     Returns
     -------
     DataFrame
-        As `FitResult.points`, series by series in random order. No row weighs in the optimum of so many, so
-        that a standardised residual is one over sigma. The row in its file is not known: 0.
+        As `FitResult.points`, series by series in random order. The row in its file is not known: 0.
     """
     of = sample.problem
     assert of is not None
-    theta = optimum.optimum.theta[[_place(problem, of, name) for name in of.parameters.names]]
+    places = [_place(problem, of, name) for name in of.parameters.names]
+    theta = optimum.optimum.theta[places]
     e_n, c, mu = of.per_row(theta)
     _, sticks = of.impulse(e_n, c, mu)
     fitted = of.predict(theta)
@@ -49,11 +50,14 @@ def shown_points(sample: FitResult, problem: Problem, optimum: LeastSquaresFit, 
     if not problem.noise.is_known:
         sigma = np.array([optimum.noise[f"{series}/{observable}"] for series, observable in names])
     residual = of.rows.value - fitted
+    local = optimum.gaussian
+    by_phi = of.jacobian(theta) @ local.to_theta[places] / sigma[:, None]
+    leverage = ((by_phi @ local.vectors[:, local.seen] / local.singular[local.seen]) ** 2).sum(axis=1)
     points = points.assign(
         sigma_used=sigma,
         fitted=fitted,
         residual=residual,
-        standardised=residual / sigma,
+        standardised=residual / sigma / np.sqrt(np.maximum(1.0 - leverage, _FITTED)),
         sticking=sticks,
         row=0,
     )

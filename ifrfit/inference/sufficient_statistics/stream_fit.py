@@ -24,6 +24,7 @@ from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
+    assumed_by,
     facts_of_all,
     likelihood_correction,
     statistics_of_all,
@@ -103,10 +104,10 @@ def fit_stream(
         assumed = (*assumed, "no spin before impact")
     question = asked_of(of)
     problem, optimum, fetched = question.solve(reader)
+    if not problem.has_oblique:
+        assumed = ()
     estimation = estimator.run(problem, optimum, seed=seed, progress=None)
-    result = build_result(
-        problem, optimum, estimation, seed=seed, command=command, assumed=assumed, brief=True
-    )
+    result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
     sample = _sample(of, fit_sample)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
     source = source_of(of)
@@ -123,6 +124,7 @@ def fit_stream(
             f"{source.rows_used:,}"
         )
         points = shown_points(sample, problem, optimum, seed)
+        assumed = (*assumed, *assumed_by(sample, result))
         if len(points) < source.rows_used:
             said = f"{said}; the result keeps {len(points):,} of them, for figure and report"
     return replace(
@@ -135,6 +137,7 @@ def fit_stream(
         facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, sample, kinds)),
         warnings=(*result.warnings, *warnings_of(of, source), said),
         points=points,
+        assumed=assumed,
         problem=None,
         least_squares=None,
     )

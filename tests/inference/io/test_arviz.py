@@ -122,7 +122,7 @@ def test_other_methods_have_no_posterior(path: Path) -> None:
 
 def test_a_result_from_a_file_has_no_problem(by_exact: ifrfit.FitResult, tmp_path: Path) -> None:
     by_exact.save(tmp_path / "result.json")
-    with pytest.raises(ifrfit.UsageError, match="fit the data again"):
+    with pytest.raises(ifrfit.UsageError, match="Fit the data again"):
         ifrfit.load_result(tmp_path / "result.json").to_arviz()
 
 

@@ -145,7 +145,7 @@ def test_a_result_of_few_impacts_keeps_them(tmp_path):
     assert len(fit.points) == fit.fit.n
     table.to_csv(tmp_path / "all.csv", index=False)
     held = ifrfit.fit(tmp_path / "all.csv", method="lsq")
-    for name in ("value", "fitted", "residual", "sigma_used"):
+    for name in ("value", "fitted", "residual", "sigma_used", "standardised"):
         np.testing.assert_allclose(np.sort(fit.points[name]), np.sort(held.points[name]), atol=1e-9)
     assert np.bincount(fit.points["sticking"]).tolist() == np.bincount(held.points["sticking"]).tolist()
 
@@ -167,6 +167,22 @@ def test_a_result_of_many_keeps_a_sample(tmp_path, noise):
     assert again.is_sampled
     with pytest.raises(UsageError, match=r"a sample of 4,000 of .* cannot stand for all"):
         question(again)
+
+
+def test_scatter_larger_than_its_sigma_is_no_fit(tmp_path):
+    table = impacts(3000)
+    table["sigma_beta"] /= 2.0
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
+    assert fit.fit.p_value < 1e-6
+    assert not fit.facts["lack_of_fit"].ok
+    assert fit.facts["lack_of_fit"].says.startswith("in a sample of ")
+
+
+def test_what_is_assumed_is_as_in_memory(tmp_path):
+    streamed, held = both(tmp_path, impacts(1500))
+    assert len(streamed.assumed) == len(held.assumed) > 3
+    for ours, theirs in zip(streamed.assumed, held.assumed, strict=True):
+        assert ours.split(" (")[0] == theirs.split(" (")[0]
 
 
 def _angle_and_spin(points):
