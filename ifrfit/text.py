@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Sequence
 
@@ -14,6 +15,12 @@ _UNITS_OF_TIME = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 def joined(words: Sequence[str], last: str = "and") -> str:
     """Words with commas and a last "and": "a, b and c"."""
     return ", ".join(words[:-1]) + f" {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def meant(name: str, candidates: Sequence[str]) -> str:
+    """Sentence that offers the candidates close to a name; empty if there are none."""
+    close = difflib.get_close_matches(name, candidates, n=3, cutoff=0.6)
+    return f" Did you mean {' or '.join(close)}?" if close else ""
 
 
 def decimals(uncertainty: float, digits: int = 2) -> int:

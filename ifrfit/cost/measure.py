@@ -18,7 +18,7 @@ from ifrfit.cost.timing import KINDS, Cost, Kind
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import Data, Question, make_question
-from ifrfit.inference.keywords import FitKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.keywords import FitKeywords, model_of, noise_of, split_columns
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior.integral_layout import no_grid
@@ -193,7 +193,7 @@ def _optimum(found: FitResult) -> dict[str, float]:
 
 
 def measure_costs(
-    data: Data | Sequence[Data],
+    data: Data | Sequence[Data] | None = None,
     model: Model | None = None,
     *,
     noise: str | Noise | None = None,
@@ -209,7 +209,7 @@ def measure_costs(
 
     Parameters
     ----------
-    data : str, Path, Observations, or a sequence of them
+    data : str, Path, table, Observations, or a sequence of them
         As in `ifrfit.fit`.
     model : Model, optional
         As in `ifrfit.fit`.
@@ -243,10 +243,10 @@ def measure_costs(
     DataError
         As `ifrfit.fit`.
     """
-    check_keywords("measure_costs", FitKeywords, keywords)
+    data, options = split_columns("measure_costs", FitKeywords, data, keywords)
     requested = _kinds(kinds)
-    chosen = model_of(model, keywords)
-    question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
+    chosen = model_of(model, options)
+    question = make_question(data, chosen, noise_of(noise), seed, scene, options)
     found = beginning(question, chosen, posterior="inference" in requested, seed=seed, command=command)
     costs: list[Cost] = []
     about: dict[str, str] = {}

@@ -134,7 +134,7 @@ def best_for(choices: Sequence[Choice], targets: Sequence[float]) -> list[tuple[
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Costs(Display):
     """Times and errors of methods, contact laws and precisions, measured on one machine.
 
@@ -158,6 +158,9 @@ class Costs(Display):
     about: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     drawn_by: ClassVar[str] = "ifrfit.cost.report"
+
+    def _headline(self) -> str:
+        return f"of {', '.join(self.kinds)}: {len(self.choices)} choices measured"
 
     @cached_property
     def choices(self) -> tuple[Choice, ...]:

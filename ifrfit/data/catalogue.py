@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import os
 import shutil
@@ -18,6 +17,7 @@ from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
 from ifrfit.data.schema import PROVENANCES, STAND_IN
 from ifrfit.errors import DataError, UsageError
+from ifrfit.text import meant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,12 +98,6 @@ def entry(name: str) -> Entry:
         )
     installed = user_root() / name
     return Entry(name, bundled_root() / name, installed if (installed / PACKAGE_FILE).is_file() else None)
-
-
-def meant(name: str, candidates: Sequence[str]) -> str:
-    """Sentence that offers the candidates close to a name; empty if there are none."""
-    close = difflib.get_close_matches(name, candidates, n=3, cutoff=0.6)
-    return f" Did you mean {' or '.join(close)}?" if close else ""
 
 
 def listing() -> tuple[Entry, ...]:

@@ -16,7 +16,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
-from ifrfit.data.observations import Observations, Source, make_table
+from ifrfit.data.observations import Observations, Source, combine, make_table
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
 from ifrfit.data.table_forms import Piece, read_long, read_wide, source_headers
@@ -31,9 +31,9 @@ class NothingMeasuredError(DataError):
 
 
 def read(
-    path: str | Path, *, convention: Sequence[str] | Mapping[str, str] = (), inertia_factor: float = 0.4
+    data: Any, *, convention: Sequence[str] | Mapping[str, str] = (), inertia_factor: float = 0.4
 ) -> Observations:
-    """Read a CSV, TSV or Parquet file: long, wide, or raw velocities before and after.
+    """Read a table of impacts, from a file or as it is held: long, wide, or raw velocities before and after.
 
     Comma, semicolon or tab; decimal comma; UTF-8, UTF-16 with BOM or Latin-1; lines that begin with ``#`` and
     titles before the header are passed over; units stand in the headers. Empty cells and NaN are "not
@@ -42,7 +42,9 @@ def read(
 
     Parameters
     ----------
-    path : str or Path
+    data : str, Path, pandas.DataFrame, polars.DataFrame, Arrow table, or mapping of str to array_like
+        A CSV, TSV or Parquet file; or a table. Its rows are called as the index of a pandas frame does where
+        this holds different whole numbers, else from 0. A mapping of names to tables makes a series of each.
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
         ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``pair``, ``column:NAME``, ``unit:HEADER``,
         ``ignore``, ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
@@ -62,7 +64,19 @@ def read(
         A convention is unknown or names a column that is not there, or the inertia factor is not positive.
     """
     conventions = parse_conventions(convention)
-    return observe(read_table(Path(path), conventions), conventions, inertia_factor)
+    if isinstance(data, str | Path):
+        return observe(read_table(Path(data), conventions), conventions, inertia_factor)
+    from ifrfit.data.table_objects import cells_of_table, is_table, tables_of
+
+    if not is_table(data):
+        raise UsageError(
+            f"A {type(data).__name__} is no table of impacts: give a path, a data frame, or a mapping of "
+            "columns."
+        )
+    tables = tables_of(data)
+    return combine(
+        [observe(cells_of_table(table, name), conventions, inertia_factor) for name, table in tables.items()]
+    )
 
 
 def read_table(path: Path, conventions: Conventions) -> Cells:

@@ -58,7 +58,7 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
         lines = _lines(decode(raw, file))
         del raw  # of a long file only one form is kept at a time
         cells = _parse(lines, file, sha256, is_header)
-    _check_headers(cells)
+    check_headers(cells)
     if not len(cells):
         raise DataError(f"{file}: there is a header, but no row under it. Add one impact a line.")
     return cells
@@ -217,7 +217,14 @@ def _refuse_long_cells(lines: list[str], start: int, delimiter: str, file: str) 
                     )
 
 
-def _check_headers(cells: Cells) -> None:
+def check_headers(cells: Cells) -> None:
+    """Refuse columns without a name and two of one name.
+
+    Raises
+    ------
+    DataError
+        With the place.
+    """
     seen: dict[str, int] = {}
     for number, header in enumerate(cells.headers, start=1):
         if not header:
@@ -253,11 +260,14 @@ def read_parquet(raw: bytes, file: str) -> tuple[list[str], Sequence[CellColumn 
         reason = str(error).splitlines()[0] if str(error) else "damaged"
         raise DataError(f"{file}: not a readable Parquet file ({reason:.100}). Write it again.") from None
     names = [str(name).strip() for name in table.column_names if not str(name).startswith("__index_level_")]
-    return names, [_column(table.column(name), name, file, pa) for name in names], table.num_rows
+    return names, [arrow_column(table.column(name), name, file, pa) for name in names], table.num_rows
 
 
-def _column(column: Any, name: str, file: str, pa: Any) -> CellColumn | DataError:
-    """Return numbers or texts; what is neither comes as the error to raise when somebody wants to use it."""
+def arrow_column(column: Any, name: str, file: str, pa: Any) -> CellColumn | DataError:
+    """Return a column of Arrow as numbers or texts.
+
+    What is neither comes as the error to raise when somebody wants to use it.
+    """
     kind = column.type
     if pa.types.is_dictionary(kind):
         column = column.cast(kind.value_type)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from ifrfit.data import Observations, combine, resolve, select
+from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.stream.files import NotStreamableError, is_stream
@@ -19,11 +19,11 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset
 from ifrfit.inference.keywords import (
     FitKeywords,
-    check_keywords,
     estimator_of,
     model_of,
     noise_of,
     selection_of,
+    split_columns,
 )
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.parameters import Parameter
@@ -37,12 +37,13 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.text import joined
 
-Data = str | Path | Observations
+Table = Any  # a data frame of pandas or polars, an Arrow table, a mapping of columns
+Data = str | Path | Observations | Table
 Progress = Callable[[int, int], None]
 
 
 def fit(
-    data: Data | Sequence[Data],
+    data: Data | Sequence[Data] | None = None,
     model: Model | None = None,
     *,
     noise: str | Noise | None = None,
@@ -57,8 +58,10 @@ def fit(
 
     Parameters
     ----------
-    data : str, Path, Observations, or a sequence of them
-        Files, names of bundled datasets, or what `read` and `load_dataset` return.
+    data : str, Path, table, Observations, or a sequence of them
+        Files, names of bundled datasets, tables as `read` takes them (a data frame, a mapping of columns), or
+        what `read` and `load_dataset` return. Without it columns are keywords: ``fit(gamma_deg=[...],
+        beta=[...], sigma=0.02)``.
     model : Model, optional
         Closure and constants. Its fields may be given as keywords instead.
     noise : {"known", "scaled", "unknown", "mixed"} or Noise, optional
@@ -109,16 +112,16 @@ def fit(
         For data that are refused.
     """
     started = now()
-    check_keywords("fit", FitKeywords, keywords)
-    chosen = model_of(model, keywords)
+    data, options = split_columns("fit", FitKeywords, data, keywords)
+    chosen = model_of(model, options)
     estimator = estimator_of(method)
     closure = get_closure(chosen.closure)
     streamed = _streamed(
-        data, chosen, closure, noise_of(noise), estimator, seed, scene, command, progress, keywords
+        data, chosen, closure, noise_of(noise), estimator, seed, scene, command, progress, options
     )
     if streamed is not None:
         return streamed
-    question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
+    question = make_question(data, chosen, noise_of(noise), seed, scene, options)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
     problem = question.problem(closure, chosen.parameters(question.inertia_factor))
@@ -147,9 +150,9 @@ def _streamed(
     keywords: Mapping[str, Any],
 ) -> FitResult | None:
     """The fit of data that are not held in memory; None for all others."""
-    parts = [data] if isinstance(data, str | Path | Observations) else list(data)
+    parts = _parts(data)
     path = None
-    if len(parts) == 1 and not isinstance(parts[0], Observations) and str(parts[0]) not in dataset_names():
+    if len(parts) == 1 and isinstance(parts[0], str | Path) and str(parts[0]) not in dataset_names():
         path = Path(parts[0])
     if path is None or not is_stream(path):
         refuse_crew_in_memory(estimator)
@@ -326,16 +329,25 @@ def gather(
     data: Data | Sequence[Data], convention: Sequence[str] | Mapping[str, str], inertia_factor: float | None
 ) -> Observations:
     """Read what is to be read, and put several files or datasets together."""
-    parts = [data] if isinstance(data, str | Path | Observations) else list(data)
-    read = [
-        part
-        if isinstance(part, Observations)
-        else resolve(part, convention=convention, inertia_factor=inertia_factor)
-        for part in parts
-    ]
-    if not read:
+    found = []
+    for part in _parts(data):
+        if isinstance(part, str | Path):
+            part = resolve(part, convention=convention, inertia_factor=inertia_factor)
+        elif not isinstance(part, Observations):
+            part = read(
+                part,
+                convention=convention,
+                inertia_factor=SOLID if inertia_factor is None else inertia_factor,
+            )
+        found.append(part)
+    if not found:
         raise UsageError("There is nothing to fit: name a file or a dataset.")
-    return combine(read)
+    return combine(found)
+
+
+def _parts(data: Data | Sequence[Data]) -> list[Data]:
+    """Each file, dataset or table."""
+    return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 
 def _inertia_factor(observations: Observations) -> float:

@@ -10,9 +10,11 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
 from ifrfit.inference.option_fields import build, given
 from ifrfit.inference.options import Model, Noise, Range
+from ifrfit.text import meant
 
 if TYPE_CHECKING:
     import lmfit
+    from numpy.typing import ArrayLike
 
     from ifrfit.data import Selection
 
@@ -42,7 +44,30 @@ class ConstantKeywords(TypedDict, total=False):
     params: lmfit.Parameters | None
 
 
-class QuestionKeywords(DataKeywords, ConstantKeywords, total=False):
+class ColumnKeywords(TypedDict, total=False):
+    """Columns in the place of data, as a table would have them; any other name of a column does as well."""
+
+    gamma_deg: ArrayLike
+    beta: ArrayLike
+    beta_cm: ArrayLike
+    e_n: ArrayLike
+    mu_app: ArrayLike
+    v_x: ArrayLike
+    v_n: ArrayLike
+    spin_x: ArrayLike
+    spin_y: ArrayLike
+    spin_y_after: ArrayLike
+    speed_m_s: ArrayLike
+    sigma: ArrayLike
+    sigma_beta: ArrayLike
+    sigma_beta_cm: ArrayLike
+    sigma_e_n: ArrayLike
+    sigma_v_x: ArrayLike
+    sigma_v_n: ArrayLike
+    sigma_gamma_deg: ArrayLike
+
+
+class QuestionKeywords(DataKeywords, ConstantKeywords, ColumnKeywords, total=False):
     """Keywords of `compare`."""
 
 
@@ -70,7 +95,52 @@ def check_keywords(function: str, allowed: type, keywords: Mapping[str, object])
     """
     for keyword in keywords:
         if keyword not in allowed.__annotations__:
-            raise TypeError(f"{function}() got an unexpected keyword argument '{keyword}'")
+            close = meant(keyword, list(allowed.__annotations__))
+            raise TypeError(
+                f"{function}() got an unexpected keyword argument '{keyword}'.{close}".rstrip(".")
+            )
+
+
+def split_columns(
+    function: str, allowed: type, data: Any, keywords: Mapping[str, Any]
+) -> tuple[Any, dict[str, Any]]:
+    """Data and the other keywords of a function, whose data may have come as columns by keyword.
+
+    Parameters
+    ----------
+    function : str
+        Its name.
+    allowed : type
+        One of the typed dictionaries of this module.
+    data : object
+        None where columns are to be the data.
+    keywords : mapping
+
+    Raises
+    ------
+    TypeError
+        For a keyword that is neither known nor the name of a column.
+    UsageError
+        For data and columns, or neither.
+    """
+    options = allowed.__annotations__.keys() - ColumnKeywords.__annotations__.keys()
+    columns = {name: value for name, value in keywords.items() if name not in options}
+    if data is not None and not columns:
+        return data, dict(keywords)
+    from ifrfit.data.column_names import role_of
+
+    check_keywords(function, allowed, {k: v for k, v in columns.items() if role_of(k).kind == "unknown"})
+    if data is not None:
+        raise UsageError(
+            f"{function}(data, {next(iter(columns))}=...): columns are given beside data. Put them into one "
+            "table."
+        )
+    if not columns:
+        raise UsageError(
+            "There is nothing to fit: give a file, a dataset's name, a table, or columns by keyword "
+            "(gamma_deg=[...], beta=[...])."
+        )
+    return columns, {name: value for name, value in keywords.items() if name in options}
 
 
 def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:

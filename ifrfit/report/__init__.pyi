@@ -2,6 +2,11 @@ from .figures import plot as plot
 from .folder import write_folder as write_folder
 from .page.writing import check_report as check_report
 from .page.writing import write_report as write_report
+from .single_axes import plot_compare as plot_compare
+from .single_axes import plot_corner as plot_corner
+from .single_axes import plot_data as plot_data
+from .single_axes import plot_profile as plot_profile
+from .single_axes import plot_residuals as plot_residuals
 from .tables import html as html
 from .terminal import side_by_side as side_by_side
 from .terminal import summary as summary

@@ -221,6 +221,7 @@ def _draw_panel(
     residuals = figure.add_subplot(inner[2], sharex=data)
     panels.draw_panel(data, residuals, result, observable, styles)
     data.tick_params(labelbottom=False)
+    data.set_xlabel("")
     figure.align_ylabels([data, residuals])
     regimes, name = _regimes(result, observable, styles), partial(regime_name, result)
     if len(regimes) > 1:

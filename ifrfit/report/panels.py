@@ -305,30 +305,59 @@ def draw_panel(
     data: Axes, residuals: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]
 ) -> None:
     """Draw data with error bars and curves with bands, and standardised residuals under them."""
-    rows = result.points[result.points["observable"] == observable]
+    draw_data(data, result, observable, styles)
+    draw_residuals_of(residuals, result, observable, styles)
+
+
+def draw_data(axes: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]) -> None:
+    """Draw data with error bars and curves with bands."""
+    rows = rows_of(result, observable)
     names = [str(name) for name in rows["series"].unique()]
     found, angled = curves(result, observable, names), has_angle(observable)
     x, label = abscissa(rows, observable)
     crowded, look = len(rows) > CROWD, look_of(len(rows), angled=angled)
-    several = []
-    for curve in found:
-        own = (rows["series"] == curve.label).to_numpy()
+    for curve, points in zip(found, _points_by_series(result, rows, observable, styles), strict=True):
         if angled:
             front = IN_FRONT if crowded else 3.0
-            draw_curve(data, curve, front=front, has_edge=crowded)
+            draw_curve(axes, curve, front=front, has_edge=crowded)
         else:  # above the values that it is the mean of: it is far narrower than they are
-            level = _as_level(curve, _span(x[own], label))
-            draw_curve(data, level, shades=(0.35, 0.45), behind=IN_FRONT - 0.1, front=IN_FRONT)
-        several.append(_points(result, rows[own], x[own], styles[curve.label], angled))
-        draw_points(data, several[-1], look)
-    data.set_ylim(*value_limits(rows, found, x if angled else None))
-    data.set_ylabel(axis_label(observable))
-    draw_residuals(residuals, several, look, front=IN_FRONT if crowded else 1.0)
-    for axes in (data, residuals):
-        set_x(axes, x, label)
+            level = _as_level(curve, _span(points.x, label))
+            draw_curve(axes, level, shades=(0.35, 0.45), behind=IN_FRONT - 0.1, front=IN_FRONT)
+        draw_points(axes, points, look)
+    axes.set_ylim(*value_limits(rows, found, x if angled else None))
+    axes.set_ylabel(axis_label(observable))
+    _set_angles(axes, result, x, label)
+
+
+def draw_residuals_of(axes: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]) -> None:
+    """Draw the standardised residuals of an observable."""
+    rows = rows_of(result, observable)
+    look = look_of(len(rows), angled=has_angle(observable))
+    several = _points_by_series(result, rows, observable, styles)
+    draw_residuals(axes, several, look, front=IN_FRONT if len(rows) > CROWD else 1.0)
+    _set_angles(axes, result, *abscissa(rows, observable))
+
+
+def rows_of(result: FitResult, observable: str) -> pd.DataFrame:
+    """The points of a result that are of one observable."""
+    return result.points[result.points["observable"] == observable]
+
+
+def _set_angles(axes: Axes, result: FitResult, x: Array, label: str) -> None:
+    set_x(axes, x, label)
     offset = result.noise.angle_offset is not None and label == ANGLE
-    residuals.set_xlabel(f"{label}, fitted offset added" if offset else label)
-    mark_stand_in(data, rows)
+    axes.set_xlabel(f"{label}, fitted offset added" if offset else label)
+
+
+def _points_by_series(
+    result: FitResult, rows: pd.DataFrame, observable: str, styles: dict[str, SeriesStyle]
+) -> list[Points]:
+    angled, (x, _) = has_angle(observable), abscissa(rows, observable)
+    several = []
+    for name in rows["series"].unique():
+        own = (rows["series"] == name).to_numpy()
+        several.append(_points(result, rows[own], x[own], styles[str(name)], angled))
+    return several
 
 
 def abscissa(rows: pd.DataFrame, observable: str) -> tuple[Array, str]:

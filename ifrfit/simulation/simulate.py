@@ -38,7 +38,7 @@ SAMPLES = 200  # a grid point, where anything is drawn
 MOST = 2_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Simulation(Display):
     """Simulated impacts of a scene. Frozen.
 
@@ -76,6 +76,9 @@ class Simulation(Display):
     seed: int
     notes: tuple[str, ...]
     drawn_by: ClassVar[str] = "ifrfit.report.simulation"
+
+    def _headline(self) -> str:
+        return f"{self.scene.name}, {self.closure}: {self.impacts.speed.size} impacts"
 
     def rebounds(self) -> pd.DataFrame:
         """Observations in the common schema, one observable of one impact a row.

@@ -18,7 +18,7 @@ from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.fit import Data, Question, fit_problem, make_question
-from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.keywords import QuestionKeywords, model_of, noise_of, split_columns
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
@@ -35,7 +35,7 @@ _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of 
 
 
 def compare(
-    data: Data | Sequence[Data],
+    data: Data | Sequence[Data] | None = None,
     closures: str | Iterable[str] | None = None,
     *,
     model: Model | None = None,
@@ -50,7 +50,7 @@ def compare(
 
     Parameters
     ----------
-    data : str, Path, Observations, or a sequence of them
+    data : str, Path, table, Observations, or a sequence of them
         As `fit`.
     closures : iterable of str, optional
         Two or more; all there are by default.
@@ -90,11 +90,11 @@ def compare(
             "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
             "`closure`."
         )
-    check_keywords("compare", QuestionKeywords, keywords)
-    chosen, scatter = model_of(model, keywords), noise_of(noise)
+    data, options = split_columns("compare", QuestionKeywords, data, keywords)
+    chosen, scatter = model_of(model, options), noise_of(noise)
     asked, notes = chosen_closures(closures, scatter.is_plain)
     notes += applied_where(asked, chosen.named_constants())
-    question = make_question(data, chosen, scatter, seed, scene, keywords)
+    question = make_question(data, chosen, scatter, seed, scene, options)
     return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
 
 

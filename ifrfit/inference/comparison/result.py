@@ -225,7 +225,7 @@ class Entry:
         return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison(Display):
     """Closures side by side. Frozen; `to_dict` gives exactly compare.json.
 
@@ -247,6 +247,10 @@ class Comparison(Display):
     verdict: Verdict
     notes: tuple[str, ...] = ()
     drawn_by: ClassVar[str] = "ifrfit.report.comparison"
+
+    def _headline(self) -> str:
+        entries = ", ".join(f"{name} {self.entries[name].log_bayes_factor:.1f}" for name in self.ranked)
+        return f"log Bayes factors {entries}; {self.best.fit.n} values"
 
     @property
     def ranked(self) -> tuple[str, ...]:

@@ -45,6 +45,16 @@ class Display:
         """Figure of the result; not known to pyplot."""
         return self._renderer().plot(self)
 
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self._headline()}>"
+
+    def _headline(self) -> str:
+        """The result in a line."""
+        return ""
+
     def _repr_html_(self) -> str:
         return self._renderer().html(self)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import pandas as pd
 
@@ -18,6 +18,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
+from ifrfit.inference.result.constants_table import ConstantsTable
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -33,8 +34,13 @@ from ifrfit.inference.result.types import (
     by_entry,
 )
 
+if TYPE_CHECKING:
+    _Constants = ConstantsTable
+else:
+    _Constants = Constants  # as files hold them; `__post_init__` makes the table
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Findings:
     """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
 
@@ -99,7 +105,7 @@ class Findings:
     asked: tuple[Parameter, ...] = field(default=(), metadata=INTERNAL)
     assumed: tuple[str, ...] = field(default=(), metadata=OPTIONAL)
     effort: Effort | None = field(default=None, metadata=OPTIONAL)
-    constants: Constants
+    constants: _Constants
     derived: Derived
     correlation: Correlation
     fit: FitStatistics
@@ -119,6 +125,7 @@ class Findings:
     files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False, metadata=INTERNAL)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "constants", ConstantsTable(self.constants))
         if cast("Distribution | None", self.distribution) is None:
             object.__setattr__(self, "distribution", distribution_of(self.state))
 

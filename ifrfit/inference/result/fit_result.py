@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
@@ -14,9 +15,12 @@ from ifrfit.inference.io.arviz import to_arviz
 from ifrfit.inference.io.json_text import write_json
 from ifrfit.inference.io.lmfit import minimizer_result
 from ifrfit.inference.io.write_result import to_dict
+from ifrfit.inference.result.constants_table import with_uncertainties
 from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.findings import Findings
 from ifrfit.inference.result.prediction import draw, predict
+from ifrfit.inference.result.types import by_entry
+from ifrfit.text import joined, meant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +38,23 @@ class FitRenderer(Renderer, Protocol):
     def write_report(self, result: Any, appraisal: Any, path: Path, /) -> list[str]:
         """Write the uncertainty report."""
 
+    def plot_data(self, result: Any, axes: Any, observable: str | None, /) -> Any:
+        """Data and curves of one observable on axes."""
 
-@dataclass(frozen=True)
+    def plot_residuals(self, result: Any, axes: Any, observable: str | None, /) -> Any:
+        """Its residuals."""
+
+    def plot_corner(self, result: Any, axes: Any, names: Sequence[str] | None, /) -> Any:
+        """Marginals and pairs of the constants."""
+
+    def plot_profile(self, profile: Any, axes: Any, /) -> Any:
+        """A profile likelihood."""
+
+    def plot_compare(self, comparison: Any, axes: Any, /) -> Any:
+        """Closures by their evidence."""
+
+
+@dataclass(frozen=True, repr=False)
 class FitResult(Findings, Display):
     """What a fit found, and what can be made of it: predictions, files, reports, objects of other libraries.
 
@@ -44,6 +63,11 @@ class FitResult(Findings, Display):
 
     drawn_by: ClassVar[str] = "ifrfit.report"
     appraised_by: ClassVar[str] = "ifrfit.inference.appraise"
+
+    def _headline(self) -> str:
+        constants = ", ".join(f"{name} {found:.2uS}" for name, found in by_entry(self.constants).items())
+        names = joined([source.name for source in self.inputs])
+        return f"{self.closure}, {self.method}: {constants}; {self.fit.n} values of {names}"
 
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
         """Draw constants from the estimator's distribution.
@@ -173,6 +197,21 @@ class FitResult(Findings, Display):
         """
         return to_arviz(self)
 
+    def to_uncertainties(self) -> dict[str, Any]:
+        """The constants as correlated numbers of the package ``uncertainties``, to calculate with.
+
+        Returns
+        -------
+        dict of str to uncertainties.UFloat or float
+            A float for what is fixed; the series in brackets where constants are separate.
+
+        Raises
+        ------
+        UsageError
+            For a constant that the data do not determine.
+        """
+        return with_uncertainties(self.constants, self.correlation.names, self.correlation.matrix)
+
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of result.json."""
         return to_dict(self)
@@ -184,6 +223,98 @@ class FitResult(Findings, Display):
     def summary(self, style: str = "text") -> str:
         """Table of the findings as "text", "markdown" or "latex"."""
         return self._renderer().summary(self, style)
+
+    def plot(self, ax: Any = None, *, observable: str | None = None) -> Any:
+        """Draw the fit.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where one observable is drawn, data and curves, in the style of the axes.
+        observable : str, optional
+            Which one; by default the first that depends on the angle.
+
+        Returns
+        -------
+        Axes or Figure
+            `ax`; without one, and without an observable, the whole figure, with residuals and legend.
+
+        Raises
+        ------
+        UsageError
+            For an observable that is not in the fit.
+        """
+        if ax is None and observable is None:
+            return self._renderer().plot(self)
+        return self._renderer().plot_data(self, ax, observable)
+
+    def plot_residuals(self, ax: Any = None, *, observable: str | None = None) -> Any:
+        """Draw the standardised residuals of one observable, by default the first that depends on the angle.
+
+        Returns
+        -------
+        Axes
+            `ax`, or new ones.
+        """
+        return self._renderer().plot_residuals(self, ax, observable)
+
+    def plot_corner(self, axes: Any = None, *, names: Sequence[str] | None = None) -> Any:
+        """Draw marginals of the constants, and pairs with contours that hold 68 and 95 % of 20,000 draws.
+
+        Parameters
+        ----------
+        axes : ndarray of Axes, (k, k), optional
+        names : sequence of str, optional
+            The k names, by default the constants that are free.
+
+        Returns
+        -------
+        ndarray of Axes, (k, k)
+        """
+        return self._renderer().plot_corner(self, axes, names)
+
+    def plot_profile(self, name: str, ax: Any = None) -> Any:
+        """Draw the profile likelihood of a constant, of kappa or of another quantity of the fit.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        UsageError
+            For a name that does not exist, and as `intervals` for a result without its problem.
+        """
+        return self._renderer().plot_profile(self._profile(name), ax)
+
+    def plot_compare(self, ax: Any = None) -> Any:
+        """Draw how the closures compare on these data, which fits each of them.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        UsageError, DataError
+            As `compare`.
+        """
+        from ifrfit.inference.comparison.compare import compare_result
+
+        return self._renderer().plot_compare(compare_result(self), ax)
+
+    def _profile(self, name: str) -> Any:
+        profiles = self.profiles
+        if not profiles:
+            from ifrfit.inference.profile.profile_all import profile_all
+
+            profiles = profile_all(*self.problem_and_optimum())
+        if name not in profiles:
+            names = list(profiles)
+            raise UsageError(
+                f"There is no profile of '{name}'. There are {joined(names)}.{meant(name, names)}"
+            )
+        return profiles[name]
 
     def report(self, path: str | Path) -> None:
         """Write the uncertainty report in the format of the suffix; one self-contained page as html.

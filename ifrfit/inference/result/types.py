@@ -67,6 +67,23 @@ class Estimate:
             return self.interval68
         raise UsageError(f"Intervals are kept at 0.68 and 0.95, not at {level}.")
 
+    def __format__(self, spec: str) -> str:
+        """By the format of the package ``uncertainties``: ``f"{mu:.2uS}"`` is 0.0894(88).
+
+        Without a standard deviation the format of a float, with what "u", "S", "L" and "P" add left out.
+        """
+        if self.value is None:
+            return "not determined"
+        if self.stderr and math.isfinite(self.stderr):
+            from uncertainties import ufloat
+
+            return format(ufloat(self.value, self.stderr), spec or ".2uP")
+        return format(self.value, "".join(sign for sign in spec if sign not in "uSLP") if spec else ".10g")
+
+    def __str__(self) -> str:
+        words = format(self, "")
+        return words if self.status in ("determined", words.replace(" ", "_")) else f"{words} {self.status}"
+
 
 @dataclass(frozen=True)
 class Fact:

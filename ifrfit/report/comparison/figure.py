@@ -72,7 +72,7 @@ def plot(comparison: Comparison) -> Figure:
             axes = [figure.add_subplot(inner[0])]
             axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
             _draw_observable(axes, comparison, observable, styles)
-        _draw_evidence(figure.add_subplot(grid[1, :]), comparison, styles)
+        draw_evidence(figure.add_subplot(grid[1, :]), comparison, styles)
         weight = "bold" if is_stand_in(comparison.best) else "normal"
         figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
@@ -159,7 +159,7 @@ def strip_labels(tick: float) -> tuple[str, str]:
     return f"\u2212{text}", text
 
 
-def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.SeriesStyle]) -> None:
+def draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.SeriesStyle]) -> None:
     """Bars of log Bayes factors and points of cross-validation, both against the best."""
     ranked = comparison.ranked
     axes.axvspan(-INDIFFERENT, 0.0, color="0.9", lw=0.0, zorder=0)

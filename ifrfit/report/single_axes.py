@@ -1,0 +1,171 @@
+"""One picture of a fit on axes that the user has: data, residuals, marginals, profiles, closures.
+
+Nothing of our own style is set: size, fonts and ticks are those of the axes, as rcParams had them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.comparison.result import Comparison
+from ifrfit.inference.profile.types import ProfileLikelihood
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report import panels
+from ifrfit.report.comparison.figure import draw_evidence
+from ifrfit.report.regimes import at_true_angles
+from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES, series_styles
+from ifrfit.text import joined, meant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DRAWS = 20_000
+SHARES = (0.68, 0.95)  # of the draws inside a contour
+CELLS = 50  # a side of the grid behind contours
+SMOOTH = 1.2  # cells
+
+
+def plot_data(result: FitResult, axes: Axes | None = None, observable: str | None = None) -> Axes:
+    """Data with error bars, curves with bands."""
+    result, name = _drawn(result, observable)
+    axes = _axes(axes)
+    panels.draw_data(axes, result, name, _styles(result))
+    panels.mark_stand_in(axes, panels.rows_of(result, name))
+    return axes
+
+
+def plot_residuals(result: FitResult, axes: Axes | None = None, observable: str | None = None) -> Axes:
+    """Standardised residuals of an observable."""
+    result, name = _drawn(result, observable)
+    axes = _axes(axes)
+    panels.draw_residuals_of(axes, result, name, _styles(result))
+    return axes
+
+
+def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None = None) -> Any:
+    """Marginals of draws on the diagonal, contours that hold 68 and 95 % of them below.
+
+    Parameters
+    ----------
+    result : FitResult
+    axes : ndarray of Axes, (k, k), optional
+    names : sequence of str, optional
+        Constants, with the series in brackets where separate, and kappa; by default all that are free.
+
+    Returns
+    -------
+    ndarray of Axes, (k, k)
+        Those above the diagonal are switched off.
+
+    Raises
+    ------
+    UsageError
+        For a name that does not exist, nothing that varies, or axes of another shape.
+    """
+    draws = result.draws(DRAWS, np.random.default_rng(result.seed))
+    there = [str(name) for name in draws]
+    varying = [name for name in there if draws[name].std() > 0.0 and not name.startswith("kappa")]
+    chosen = varying if names is None else [names] if isinstance(names, str) else list(names)
+    for name in chosen:
+        if name not in there:
+            raise UsageError(
+                f"There are no draws of '{name}'. There are {joined(there)}.{meant(name, there)}"
+            )
+    if not chosen:
+        raise UsageError("Every constant is fixed: there is no marginal to draw.")
+    k = len(chosen)
+    if axes is None:
+        axes = _figure(1.8 * k, 1.8 * k).subplots(k, k, squeeze=False)
+    grid = np.atleast_2d(np.asarray(axes, dtype=object))
+    if grid.shape != (k, k):
+        raise UsageError(f"axes of shape {grid.shape}: {joined(chosen)} take ({k}, {k}).")
+    values = {name: draws[name].to_numpy(dtype=float) for name in chosen}
+    windows = {name: np.quantile(values[name], (0.001, 0.999)) for name in chosen}
+    for i, below in enumerate(chosen):
+        for j, across in enumerate(chosen):
+            _draw_pair(grid[i, j], i - j, values[across], values[below], windows[across], windows[below])
+            if i == k - 1:
+                grid[i, j].set_xlabel(across)
+            if j == 0 < i:
+                grid[i, j].set_ylabel(below)
+    return grid
+
+
+def plot_profile(profile: ProfileLikelihood, axes: Axes | None = None) -> Axes:
+    """Least rise of the misfit with one quantity held, and the cuts of 68 and 95 % intervals."""
+    axes = _axes(axes)
+    axes.plot(profile.x, profile.rise, color=COLOURS[0])
+    top = 2.1 * profile.cut(0.95)
+    for level in SHARES:
+        axes.axhline(profile.cut(level), color=GREY, ls=RESIDUAL_DASHES, lw=0.8)
+        at = (0.99, profile.cut(level))
+        axes.annotate(f"{100 * level:.0f} %", at, xycoords=("axes fraction", "data"), ha="right", va="bottom")
+    axes.plot([profile.value], [0.0], "o", color=COLOURS[0], clip_on=False)
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel(profile.name)
+    axes.set_ylabel("rise of the misfit")
+    return axes
+
+
+def plot_compare(comparison: Comparison, axes: Axes | None = None) -> Axes:
+    """Log Bayes factors of the closures against the best."""
+    axes = _axes(axes)
+    draw_evidence(axes, comparison, series_styles(list(comparison.entries)))
+    return axes
+
+
+def _draw_pair(axes: Axes, below: int, x: Any, y: Any, across: Any, along: Any) -> None:
+    """The cell of a corner plot: nothing above the diagonal, a histogram on it, contours below."""
+    if below < 0:
+        axes.set_axis_off()
+        return
+    axes.set_xlim(*across)
+    if below == 0:
+        axes.hist(x, bins=CELLS, range=tuple(across), histtype="step", color=COLOURS[0], density=True)
+        axes.set_yticks([])
+        return
+    from scipy.ndimage import gaussian_filter
+
+    axes.set_ylim(*along)
+    counts, edges_x, edges_y = np.histogram2d(x, y, bins=CELLS, range=[across, along])
+    counts = gaussian_filter(counts, SMOOTH)
+    ordered = np.sort(counts.ravel())[::-1]
+    held = np.cumsum(ordered) / ordered.sum()
+    levels = sorted({float(ordered[int(np.searchsorted(held, share))]) for share in SHARES})
+    middle = 0.5 * (edges_x[1:] + edges_x[:-1]), 0.5 * (edges_y[1:] + edges_y[:-1])
+    axes.plot(x[::20], y[::20], ls="none", marker=".", ms=1.0, color=COLOURS[0], alpha=0.3, zorder=1)
+    axes.contour(*middle, counts.T, levels=levels, colors=COLOURS[0], linewidths=1.0)
+
+
+def _drawn(result: FitResult, observable: str | None) -> tuple[FitResult, str]:
+    """The result at its true angles, and the observable that is drawn: the first one if none is named."""
+    names = [str(name) for name in result.points["observable"].unique()]
+    if not names:
+        raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
+    if observable is not None and observable not in names:
+        raise UsageError(
+            f"There is no '{observable}' in this fit. There is {joined(names)}.{meant(observable, names)}"
+        )
+    angled = [name for name in names if panels.has_angle(name)]
+    return at_true_angles(result), observable or (angled or names)[0]
+
+
+def _styles(result: FitResult) -> Any:
+    return series_styles([str(name) for name in result.points["series"].unique()])
+
+
+def _axes(axes: Axes | None) -> Axes:
+    if axes is None:
+        return _figure(4.5, 3.2).subplots()
+    return axes
+
+
+def _figure(width: float, height: float) -> Any:
+    """A figure of pyplot, so that a notebook shows it."""
+    from matplotlib import pyplot
+
+    return pyplot.figure(figsize=(width, height), layout="constrained")
