@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from ifrfit.option_words import in_python
+
 
 class IfrfitError(Exception):
-    """Base of all errors raised on purpose. The text is one or two sentences: where, what, what to do."""
+    """Base of all errors raised on purpose. The text is one or two sentences: where, what, what to do.
+
+    As text it names options as Python does, in `in_shell` as the command line.
+    """
 
     exit_status = 1
+
+    def __str__(self) -> str:
+        return in_python(self.in_shell)
+
+    @property
+    def in_shell(self) -> str:
+        """The text with options as the command line has them: ``--fix e_n=0.9``."""
+        return str(self.args[0]) if self.args else ""
 
 
 class UsageError(IfrfitError, ValueError):

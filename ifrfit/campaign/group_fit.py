@@ -101,7 +101,7 @@ def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row
         )
         return row | _findings(found, facts=question.facts)
     except IfrfitError as error:
-        return row | {FAILURE: str(error)}
+        return row | {FAILURE: error.in_shell}
     except Exception as error:  # noqa: BLE001 - a bug in one group must not take the others with it
         said = f"internal error, {type(error).__name__}: {error}. This is a bug; fit the group by itself."
         return row | {FAILURE: said}

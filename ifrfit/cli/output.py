@@ -66,7 +66,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         try:
             function(*args, **kwargs)
         except IfrfitError as error:
-            typer.echo(f"ifrfit: {error}", err=True)
+            typer.echo(f"ifrfit: {error.in_shell}", err=True)
             raise typer.Exit(error.exit_status) from None
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -162,8 +162,8 @@ class GroupedFiles:
                 keyed = self._rows_by_key(cells, path)
             except DataError as error:
                 if isinstance(error, _ColumnMissingError):
-                    without.append(str(error))
-                refused.append(RefusedFile(path.name, str(error)))
+                    without.append(error.in_shell)
+                refused.append(RefusedFile(path.name, error.in_shell))
                 keyed, cells = {}, None
             if len(without) == len(self.files):
                 raise UsageError(without[0])

@@ -56,7 +56,7 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     try:
         problem, optimum = question(result)
     except IfrfitError as error:
-        profiles, without_profiles = result.profiles, str(error)
+        profiles, without_profiles = result.profiles, error.in_shell
         if result.is_sampled:
             without_profiles = f"{_beyond_memory(result)}: there are no profiles."
     else:
@@ -115,7 +115,7 @@ def _comparison(result: FitResult) -> tuple[Comparison | None, str]:
     try:
         return compare_result(result), ""
     except IfrfitError as error:
-        return None, f"They cannot be compared here. {error}"
+        return None, f"They cannot be compared here. {error.in_shell}"
 
 
 def _too_large_to_compare(result: FitResult) -> str:

@@ -218,6 +218,7 @@ class Exact(Method):
     resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_request(self.accuracy, self.budget)
         if self.integrator is None:
             return

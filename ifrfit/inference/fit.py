@@ -29,6 +29,7 @@ from ifrfit.inference.model.apply_error_model import with_error_model, with_prop
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.build import build_result, summarize_optimum
 from ifrfit.inference.result.fit_result import FitResult
@@ -266,6 +267,7 @@ def make_question(
     observations = select(observations, selection_of(keywords))
     stated = model.inertia_factor
     inertia_factor = stated if stated is not None else _inertia_factor(observations)
+    check_form("--seed", "integer", seed)
     if seed < 0:
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
@@ -329,17 +331,18 @@ def gather(
     data: Data | Sequence[Data], convention: Sequence[str] | Mapping[str, str], inertia_factor: float | None
 ) -> Observations:
     """Read what is to be read, and put several files or datasets together."""
+    parts = _parts(data)
+    tables = [part for part in parts if not isinstance(part, str | Path | Observations)]
     found = []
-    for part in _parts(data):
-        if isinstance(part, str | Path):
-            part = resolve(part, convention=convention, inertia_factor=inertia_factor)
-        elif not isinstance(part, Observations):
-            part = read(
-                part,
-                convention=convention,
-                inertia_factor=SOLID if inertia_factor is None else inertia_factor,
-            )
-        found.append(part)
+    for part in parts:
+        if isinstance(part, Observations):
+            found.append(part)
+        elif isinstance(part, str | Path):
+            found.append(resolve(part, convention=convention, inertia_factor=inertia_factor))
+        else:
+            named = part if len(tables) == 1 else {f"table {len(found) + 1}": part}
+            j = SOLID if inertia_factor is None else inertia_factor
+            found.append(read(named, convention=convention, inertia_factor=j))
     if not found:
         raise UsageError("There is nothing to fit: name a file or a dataset.")
     return combine(found)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
-from ifrfit.inference.option_fields import build, given
+from ifrfit.inference.option_fields import build, check_form, given
 from ifrfit.inference.options import Model, Noise, Range
 from ifrfit.text import meant
 
@@ -162,6 +162,8 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
         return model
     if params is None:
         return build(Model, keywords)
+    if not hasattr(params, "valuesdict"):
+        raise UsageError(f"params: {params!r:.60} is no lmfit.Parameters.")
     from ifrfit.inference.io.lmfit import constants_from
 
     theirs = {key: value | dict(keywords.get(key) or {}) for key, value in constants_from(params).items()}
@@ -197,9 +199,20 @@ def estimator_of(method: str | Estimator | None) -> Estimator:
 
 
 def selection_of(keywords: Mapping[str, Any]) -> Selection:
-    """Which rows are used."""
+    """Which rows are used.
+
+    Raises
+    ------
+    UsageError
+        For a limit that is no number, a name that is no text.
+    """
     from ifrfit.data import Selection
 
+    for name in ("gamma_min", "gamma_max", "speed_min", "speed_max"):
+        if keywords.get(name) is not None:
+            check_form(f"--{name.replace('_', '-')}", "number", keywords[name])
+    for name in ("observable", "series"):
+        check_form(f"--{name}", "names", keywords.get(name) or ())
     said = {each.name: keywords[each.name] for each in fields(Selection) if each.name in keywords}
     for name in ("observable", "series", "exclude"):
         value = said.get(name) or ()

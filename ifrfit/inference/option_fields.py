@@ -7,8 +7,10 @@ heavy, because ``ifrfit fit --help`` needs it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
+from numbers import Integral, Real
+from os import PathLike
 from typing import Any, Literal, TypeVar
 
 from ifrfit.errors import UsageError
@@ -85,14 +87,19 @@ class Options:
     Raises
     ------
     UsageError
-        For a number below its least value.
+        For a value that is not of the form of its option, and a number below its least value.
     """
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
             stated, value = each.metadata.get(_KEY), getattr(self, each.name)
-            if stated is not None and stated.least is not None and value is not None and value < stated.least:
-                flag = replace(stated, keyword=stated.keyword or each.name).flag
+            if stated is None or value is None:
+                continue
+            flag = replace(stated, keyword=stated.keyword or each.name).flag
+            # a text may as well be a number where its annotation says so, as a budget in seconds
+            if stated.form != "text" or each.type in ("str", "str | None"):
+                check_form(flag, stated.form, value)
+            if stated.least is not None and value < stated.least:
                 raise UsageError(f"{flag} {value}: it must be {stated.least} or more.")
 
     def __repr__(self) -> str:
@@ -125,6 +132,58 @@ def given(owner: type, values: Mapping[str, Any]) -> dict[str, Any]:
     options = options_of(owner)
     return {key: value for key, value in values.items() if key in options and options[key].is_given(value)}
 
+
+def check_form(flag: str, form: Form, value: object) -> None:
+    """Refuse a value that is not of the form of its option: on the command line it could not be written.
+
+    Raises
+    ------
+    UsageError
+        With what it is to be.
+    """
+    if form in _NAMED and isinstance(value, Mapping):
+        for name, own in value.items():
+            if not _NAMED[form](own):
+                raise UsageError(f"{flag} {name}: {own!r:.60} is not {_FORMS[form][1]}.")
+    elif not _FORMS[form][0](value):
+        raise UsageError(f"{flag}: {value!r:.60} is not {_FORMS[form][2]}.")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_pair(value: object) -> bool:
+    return (
+        not isinstance(value, str | Mapping)
+        and isinstance(value, Collection)
+        and len(value) == 2
+        and all(map(_is_number, value))
+    )
+
+
+def _is_names(value: object) -> bool:
+    several = isinstance(value, Collection) and not isinstance(value, Mapping)
+    return isinstance(value, str) or (several and all(isinstance(name, str) for name in value))
+
+
+_NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair}
+# form: whether a value has it; what one of a mapping is to be; what the whole is to be
+_FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
+    "text": (lambda value: isinstance(value, str), "", "a word"),
+    "number": (_is_number, "", "a number"),
+    "integer": (lambda value: _is_number(value) and isinstance(value, Integral), "", "a whole number"),
+    "path": (lambda value: isinstance(value, str | PathLike), "", "a path"),
+    "names": (_is_names, "", "a name or several names"),
+    "values": (lambda value: False, "a number", 'a mapping of constants to numbers, as {"e_n": 0.94}'),
+    "pairs": (
+        lambda value: False,
+        "two numbers",
+        'a mapping of constants to two numbers, as {"mu": (0.1, 0.02)}',
+    ),
+    "range": (_is_pair, "", "two numbers"),
+    "flag": (lambda value: isinstance(value, int), "", "True or False"),
+}
 
 T = TypeVar("T")
 

@@ -64,6 +64,7 @@ class Model(Options):
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("fix", "prior", "bounds"):
             object.__setattr__(self, name, dict(getattr(self, name) or {}))
         names = (self.separate,) if isinstance(self.separate, str) else tuple(self.separate or ())
@@ -168,6 +169,7 @@ class AngleErrors(Options):
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         ErrorModel(None, self.kind, self.population, self.sigma_deg, offset=self.offset_sd)  # which checks
 
 
@@ -217,6 +219,7 @@ class Noise(Options):
     )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.policy is not None and self.policy not in POLICIES:
             raise UsageError(f"--noise {self.policy}: choose known, scaled, unknown or mixed.")
         _ = self.error_model  # which checks

@@ -115,7 +115,7 @@ def across_spins(done: Mapping[str, FittedCase]) -> Answer | None:
     try:
         joint = fit(case.dataset, series=series, observable=case.observable, fix=fixed)
     except IfrfitError as error:
-        return Answer(about, "not answerable", str(error))
+        return Answer(about, "not answerable", error.in_shell)
     labels = joint.points["series"].astype(str).to_numpy()
     return _by_evidence(about, joint, labels, ("mu",), "all spins", "")
 
@@ -177,7 +177,7 @@ def _by_evidence(
         evidence = partial(log_evidence, tolerance=_EVIDENCE)
         shared = sharing(problem, evidence(problem), evidence, names)
     except DataError as error:
-        return Answer(about, "not answerable", str(error))
+        return Answer(about, "not answerable", error.in_shell)
     if shared is None:
         return Answer(about, "not answerable", "too few impacts of one kind")
     says = shared.says.partition(": ")[0].replace("all series", whom)

@@ -221,7 +221,7 @@ def fit_case(case: Case, *, reading: str | None = None) -> FittedCase:
     except IfrfitError as error:
         if entry(case.dataset).installed is None:
             raise
-        return FittedCase(case, None, str(error))
+        return FittedCase(case, None, error.in_shell)
     return FittedCase(case, result)
 
 

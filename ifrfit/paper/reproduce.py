@@ -91,7 +91,7 @@ def _real(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase]) -
     try:
         return real_data(figure, Fitted(result, other))
     except DataError as error:
-        done[figure.case] = replace(done[figure.case], result=None, refusal=str(error))
+        done[figure.case] = replace(done[figure.case], result=None, refusal=error.in_shell)
         return None
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact
+from ifrfit.option_words import in_python
 from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, sd_text
@@ -281,7 +282,10 @@ def scene_notes(result: FitResult) -> list[str]:
 
 
 def findings(result: FitResult) -> list[tuple[str, str]]:
-    """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
+    """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first.
+
+    Of a fit that was asked for in Python, options are named as Python does.
+    """
     partner = _covers_predictive(result)
     facts = [
         (
@@ -303,7 +307,8 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         for warning in result.warnings
         if warning not in shown and not warning.startswith(handled)
     ]
-    return alarms + fine + notes
+    found = alarms + fine + notes
+    return found if result.command else [(kind, in_python(says)) for kind, says in found]
 
 
 def sentence(says: str) -> str:

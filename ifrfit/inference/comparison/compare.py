@@ -139,7 +139,7 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
         estimation = posterior_estimation(other, optimum, posterior, None)
         return build_result(other, optimum, estimation, seed=result.seed, brief=True)
     except (UsageError, DataError) as error:
-        raise type(error)(f"Closure {closure.title}: {error}") from None
+        raise type(error)(f"Closure {closure.title}: {error.in_shell}") from None
 
 
 def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
@@ -290,8 +290,10 @@ def fit_each(
         except (UsageError, DataError) as error:
             if not found and not specific:
                 raise
-            named = str(error).startswith(f"Closure {closure.title} ")
-            raise type(error)(str(error) if named else f"Closure {closure.title}: {error}") from None
+            named = error.in_shell.startswith(f"Closure {closure.title} ")
+            raise type(error)(
+                error.in_shell if named else f"Closure {closure.title}: {error.in_shell}"
+            ) from None
     return found
 
 

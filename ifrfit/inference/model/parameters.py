@@ -14,6 +14,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.physics.closure import Closure
+from ifrfit.text import meant
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -373,7 +374,7 @@ def make_parameters(
             if name not in closure.constants:
                 raise UsageError(
                     f"--{option} {name}: closure {closure.title} has no such constant. "
-                    f"It has {', '.join(closure.constants)}."
+                    f"It has {', '.join(closure.constants)}.{meant(name, closure.constants)}"
                 )
     default = {"e_n": (0.0, 1.0), "mu": (0.0, math.inf)}
     if closure.constant:

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_HIDDEN = ("drawn_by", "appraised_by")
+
+
 class Renderer(Protocol):
     """What a package that draws a class of results must offer."""
 
@@ -44,6 +47,11 @@ class Display:
     def plot(self) -> Figure:
         """Figure of the result; not known to pyplot."""
         return self._renderer().plot(self)
+
+    def __dir__(self) -> list[str]:
+        """What users want; not how a result is drawn."""
+        own = (name for name in super().__dir__() if name not in _HIDDEN)
+        return [name for name in own if not name.startswith("_") or name.startswith("__")]
 
     def __str__(self) -> str:
         return self.summary()

@@ -36,6 +36,8 @@ _MOST_FRICTION = 2.0  # in mu: apparent friction above which more than half of i
 
 def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
+    if n < 0:
+        raise UsageError(f"{n} draws: it must be 0 or more.")
     if result.problem is None or result.state.sample is None:
         return draw_kept(result, n, rng)
     return _table(result.state.names, to_coordinates(result.problem, result.distribution.draws(n, rng)))

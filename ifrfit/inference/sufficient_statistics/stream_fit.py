@@ -116,7 +116,9 @@ def fit_stream(
     correction = likelihood_correction(problem, optimum, of)
     evidence = result.fit.log_evidence
     if isinstance(sample, DataError):
-        said = f"no fact on single rows was looked for, because a sample of them is refused: {sample}"
+        said = (
+            f"no fact on single rows was looked for, because a sample of them is refused: {sample.in_shell}"
+        )
         points = result.points.iloc[:0]
     else:
         said = (

@@ -7,12 +7,13 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
@@ -111,6 +112,8 @@ def read_scene(path: str | Path) -> Scene:
     DataError
         The file is missing, broken or contradicts itself; the message names the key and what to do.
     """
+    if not isinstance(path, str | PathLike):
+        raise UsageError(f"A {type(path).__name__} is no scene: name a TOML file, as docs/scenes/*.toml.")
     path = Path(path)
     content, sha256 = load(path)
     return _scene(content, path, sha256)

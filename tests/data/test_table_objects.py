@@ -1,0 +1,121 @@
+"""Tables that are handed over in Python are read as files are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ifrfit
+from ifrfit.data.table_objects import TABLE, cells_of_table
+from ifrfit.errors import DataError, UsageError
+
+GAMMA = np.linspace(5.0, 80.0, 16)
+COLUMNS = {
+    "gamma_deg": GAMMA,
+    "beta": ifrfit.rebound(GAMMA, e_n=0.9, e_t=-0.7, mu=0.15, degrees=True).beta,
+}
+FRAME = pd.DataFrame(COLUMNS)
+
+
+def forms():
+    """The same table in every form, by name."""
+    import pyarrow as pa
+
+    yield "frame", FRAME
+    yield "mapping of arrays", COLUMNS
+    yield "mapping of lists", {name: list(values) for name, values in COLUMNS.items()}
+    yield "mapping of series", {name: pd.Series(values) for name, values in COLUMNS.items()}
+    yield "arrow", pa.table(FRAME)
+    yield "texts", FRAME.astype(str)
+    yield "decimals", FRAME.astype(object)
+    yield "nullable", FRAME.convert_dtypes()
+
+
+@pytest.mark.parametrize(
+    ("form", "table"), list(forms()), ids=lambda one: one if isinstance(one, str) else ""
+)
+def test_every_form_is_the_same_table(tmp_path, form, table):
+    FRAME.to_csv(tmp_path / "table.csv", index=False)
+    of_file = ifrfit.read(tmp_path / "table.csv").table
+    found = ifrfit.read(table).table
+    for column in ("gamma_deg", "value", "observable", "series"):
+        if found[column].dtype == float:
+            np.testing.assert_allclose(found[column], of_file[column], rtol=1e-15)
+        else:
+            assert found[column].tolist() == of_file[column].tolist()
+
+
+def test_polars():
+    polars = pytest.importorskip("polars")
+    found = ifrfit.read(polars.DataFrame({name: list(values) for name, values in COLUMNS.items()}))
+    assert found.table["value"].tolist() == COLUMNS["beta"].tolist()
+
+
+def test_the_same_numbers_have_the_same_digest():
+    digests = {name: cells_of_table(table).sha256 for name, table in forms() if name != "texts"}
+    assert len(set(digests.values())) == 1
+    other = FRAME.assign(beta=FRAME["beta"] + 1e-15)
+    assert cells_of_table(other).sha256 not in digests.values()
+
+
+def test_rows_are_called_as_the_index_does():
+    part = FRAME[FRAME["gamma_deg"] > 30.0]
+    assert ifrfit.read(part).table["row"].tolist() == part.index.tolist()
+    by_name = part.set_index(pd.Index([f"shot {i}" for i in range(len(part))]))
+    assert ifrfit.read(by_name).table["row"].tolist() == list(range(len(part)))
+
+
+def test_single_values_stand_in_every_row():
+    found = ifrfit.fit(**COLUMNS, sigma=0.02, fix={"e_n": 0.9})
+    assert set(found.points["sigma"]) == {0.02}
+    assert found.noise.policy == "known"
+
+
+def test_missing_values_are_not_measured():
+    table = {"gamma_deg": [10, 20, 30], "beta": [0.4, None, float("nan")]}
+    found = ifrfit.read(table)
+    assert len(found) == 1
+    assert found.sources[0].rows_skipped == {"not measured": 2}
+
+
+def test_several_tables():
+    both = ifrfit.read({"steel": FRAME, "glass": FRAME.assign(gamma_deg=GAMMA + 1.0)})
+    assert list(dict.fromkeys(both.table["series"])) == ["steel", "glass"]
+    found = ifrfit.fit([FRAME, FRAME.assign(gamma_deg=GAMMA + 1.0)], fix={"e_n": 0.9}, noise="unknown")
+    assert [source.name for source in found.inputs] == ["table 1", "table 2"]
+    with pytest.raises(UsageError, match="given twice"):
+        ifrfit.fit([FRAME, FRAME], fix={"e_n": 0.9})
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"gamma_deg": [1.0, 2.0], "beta": [0.1]}, "column gamma_deg has 2 values, beta has 1"),
+        ({"gamma_deg": [[1.0, 2.0]], "beta": [0.1]}, "is not a number"),
+        ({"gamma_deg": np.ones((2, 2)), "beta": [0.1, 0.2]}, "column gamma_deg: has 2 dimensions"),
+        ({"gamma_deg": [10.0, "x"], "beta": [0.1, 0.2]}, "row 1, column gamma_deg: 'x' is not a number"),
+        ({"gamma_deg": [10.0], "beta": [float("inf")]}, "row 0, column beta: 'inf' is infinite"),
+        ({"gamma_deg": [True], "beta": [0.1]}, "column gamma_deg: holds bool"),
+        ({"gamma_deg": [10.0], "beta": [1j]}, "holds complex"),
+        ({"gamma_deg": [10.0], "": [0.1]}, "column 2: the column has no name"),
+        ({}, "there is no column"),
+        (pd.DataFrame({"gamma_deg": [], "beta": []}), "there is no row"),
+    ],
+    ids=str,
+)
+def test_what_is_no_table_is_refused(table, said):
+    with pytest.raises(DataError, match=rf"^{TABLE}.*{said}"):
+        ifrfit.read(table)
+
+
+def test_what_is_nothing_to_fit():
+    for given in (3, GAMMA, object()):
+        with pytest.raises(UsageError, match=f"A {type(given).__name__} is no table of impacts"):
+            ifrfit.fit(given)
+    with pytest.raises(UsageError, match="There is nothing to fit"):
+        ifrfit.fit()
+    with pytest.raises(UsageError, match="columns are given beside data"):
+        ifrfit.fit(FRAME, beta=COLUMNS["beta"])
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'clousre'\. Did you mean closure\?"):
+        ifrfit.fit(**COLUMNS, clousre="fr")
