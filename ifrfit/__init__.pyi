@@ -17,6 +17,12 @@ from .inference.estimators import Profile as Profile
 from .inference.fit import fit as fit
 from .inference.io.lmfit import lmfit_model as lmfit_model
 from .inference.io.read_result import load_result as load_result
+from .inference.model.prior_laws import Beta as Beta
+from .inference.model.prior_laws import HalfNormal as HalfNormal
+from .inference.model.prior_laws import LogNormal as LogNormal
+from .inference.model.prior_laws import Normal as Normal
+from .inference.model.prior_laws import TruncatedNormal as TruncatedNormal
+from .inference.model.prior_laws import Uniform as Uniform
 from .inference.options import AngleErrors as AngleErrors
 from .inference.options import Model as Model
 from .inference.options import Noise as Noise

@@ -37,6 +37,20 @@ def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
+def priors(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
+    """NAME=MEAN,SD, or NAME=LAW:NUMBERS, as a dictionary."""
+    laws = {name: rest for name, _, rest in (text.partition("=") for text in given) if ":" in rest}
+    plain = [text for text in given if text.partition("=")[0] not in laws]
+    found = pairs(option, plain, form)
+    if len(found) + len(laws) < len(given):
+        raise UsageError(f"{option} {next(iter(laws))} is given twice.")
+    if laws:
+        from ifrfit.inference.model.prior_laws import read_law
+
+        found |= {name: read_law(text) for name, text in laws.items()}
+    return found
+
+
 def ends(option: str, text: str | None) -> tuple[float, float] | None:
     """LO,HI as two numbers."""
     if text is None:
@@ -159,6 +173,7 @@ _FORMS: Mapping[Form, Any] = {
     "names": Repeated,
     "values": Repeated,
     "pairs": Repeated,
+    "priors": Repeated,
     "range": str | None,
     "flag": bool,
 }
@@ -193,4 +208,6 @@ def _read(option: Option, value: Any) -> Any:
     """A value of the library from what the command line gave."""
     if option.form in ("values", "pairs"):
         return pairs(option.flag, value, str(option.metavar))
+    if option.form == "priors":
+        return priors(option.flag, value, str(option.metavar))
     return ends(option.flag, value) if option.form == "range" else value

@@ -156,7 +156,8 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     """
     if isinstance(convention, str):
         convention = (convention,)
-    if not isinstance(convention, Mapping | Sequence) or not all(isinstance(c, str) for c in convention):
+    given: object = convention
+    if not isinstance(given, Mapping | Sequence) or not all(isinstance(c, str) for c in given):
         raise UsageError(f"--convention: {convention!r:.60} is neither NAME=CHOICE nor several of these.")
     pairs = list(convention.items()) if isinstance(convention, Mapping) else [_split(c) for c in convention]
     angle: dict[str, str] = {}

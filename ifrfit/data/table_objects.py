@@ -102,7 +102,7 @@ def _values(values: Any, where: str) -> Any:
         return values
     if isinstance(values, pd.Series):
         return values.array if isinstance(values.dtype, pd.CategoricalDtype) else values.to_numpy()
-    if isinstance(values, Sequence) and not isinstance(values, np.ndarray):
+    if isinstance(values, Sequence):
         return list(values)
     array = np.asarray(values)
     if array.ndim == 0:

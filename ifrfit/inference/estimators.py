@@ -103,10 +103,12 @@ class RunKeywords(TypedDict, total=False):
 class Method(Options):
     """Base of the package's own methods: does every problem, as long as it does not say otherwise.
 
-    An offset of the set angles is fitted by a method that says so, see `refuses_offset`.
+    An offset of the set angles is fitted by a method that says so, see `refuses_offset`; priors of every law
+    are known to one that says so, see `refuses_prior`.
     """
 
     fits_angle_offset: ClassVar[bool] = False
+    knows_prior_laws: ClassVar[bool] = False
 
     def refuses(self, problem: Problem) -> str:
         """Why the method cannot do a problem; empty where it can."""
@@ -204,6 +206,7 @@ class Exact(Method):
     """
 
     name: ClassVar[str] = "exact"
+    knows_prior_laws: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "exact posterior"
     label: ClassVar[str] = "exact"
@@ -329,6 +332,7 @@ class MCMC(Method):
     """
 
     name: ClassVar[str] = "mcmc"
+    knows_prior_laws: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "Markov chain Monte Carlo"
     label: ClassVar[str] = "MCMC"
@@ -439,6 +443,7 @@ class Automatic(Method):
     """
 
     name: ClassVar[str] = "automatic"
+    knows_prior_laws: ClassVar[bool] = True
     title: ClassVar[str] = "posterior"
     label: ClassVar[str] = "posterior"
     summary: ClassVar[str] = "whichever method reaches the accuracy"
@@ -462,6 +467,20 @@ class Automatic(Method):
             workers=self.workers,
             progress=asked.get("progress"),
         )
+
+
+def refuses_prior(estimator: Estimator, problem: Problem) -> str:
+    """Why a method does not know a prior of the problem; empty where it does.
+
+    A law that is neither normal nor uniform is known to a method whose attribute `knows_prior_laws` is true.
+    """
+    shaped = [f"{one.name}={one.shape}" for one in problem.parameters if one.shape is not None]
+    if not shaped or getattr(estimator, "knows_prior_laws", False):
+        return ""
+    name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
+    return (
+        f"{name} knows normal and uniform priors only, not --prior {shaped[0]}: use --method exact or mcmc."
+    )
 
 
 def refuses_offset(estimator: Estimator, problem: Problem) -> str:

@@ -16,7 +16,7 @@ from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset
+from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset, refuses_prior
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -309,7 +309,9 @@ def fit_problem(
     DataError
         As the method.
     """
-    reason = refuses_offset(estimator, problem) or estimator.refuses(problem)
+    reason = (
+        refuses_prior(estimator, problem) or refuses_offset(estimator, problem) or estimator.refuses(problem)
+    )
     if reason:
         raise UsageError(reason)
     optimum = least_squares(problem)

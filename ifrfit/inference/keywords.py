@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ifrfit.data import Selection
+    from ifrfit.inference.model.prior_laws import PriorLaw
 
 
 class DataKeywords(TypedDict, total=False):
@@ -37,7 +38,7 @@ class ConstantKeywords(TypedDict, total=False):
     """Shortcuts for fields of `Model` but for the closure; and `params`, in lmfit's form."""
 
     fix: Mapping[str, float] | None
-    prior: Mapping[str, Range] | None
+    prior: Mapping[str, Range | PriorLaw] | None
     bounds: Mapping[str, Range] | None
     separate: str | Collection[str]
     inertia_factor: float | None

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar
 
 from ifrfit.errors import UsageError
 
-Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range", "flag"]
+Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "priors", "range", "flag"]
 
 _KEY, _NESTED = "option", "options"
 
@@ -30,7 +30,8 @@ class Option:
         One sentence for the help text.
     form : str
         How it is written on the command line. names: NAME, repeatable; values: NAME=VALUE, repeatable; pairs:
-        NAME=A,B, repeatable; range: LO,HI; flag: no value; text, number, integer and path: one such word.
+        NAME=A,B, repeatable; priors: these, or NAME=LAW:A,B; range: LO,HI; flag: no value; text, number,
+        integer and path: one such word.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
@@ -163,11 +164,20 @@ def _is_pair(value: object) -> bool:
 
 
 def _is_names(value: object) -> bool:
-    several = isinstance(value, Collection) and not isinstance(value, Mapping)
-    return isinstance(value, str) or (several and all(isinstance(name, str) for name in value))
+    if isinstance(value, str):
+        return True
+    return (
+        isinstance(value, Collection)
+        and not isinstance(value, Mapping)
+        and all(isinstance(name, str) for name in value)
+    )
 
 
-_NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair}
+def _is_prior(value: object) -> bool:
+    return _is_pair(value) or hasattr(value, "log_density")
+
+
+_NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair, "priors": _is_prior}
 # form: whether a value has it; what one of a mapping is to be; what the whole is to be
 _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
     "text": (lambda value: isinstance(value, str), "", "a word"),
@@ -180,6 +190,11 @@ _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
         lambda value: False,
         "two numbers",
         'a mapping of constants to two numbers, as {"mu": (0.1, 0.02)}',
+    ),
+    "priors": (
+        lambda value: False,
+        "two numbers, mean and sd, nor a law as ifrfit.LogNormal(0.1, 0.3)",
+        'a mapping of constants to priors, as {"mu": (0.1, 0.02)}',
     ),
     "range": (_is_pair, "", "two numbers"),
     "flag": (lambda value: isinstance(value, int), "", "True or False"),

@@ -13,6 +13,7 @@ from ifrfit.inference.option_fields import Options, nested, option
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
+    from ifrfit.inference.model.prior_laws import PriorLaw
     from ifrfit.physics.closure import Closure
 
 POLICIES = ("known", "scaled", "unknown", "mixed")
@@ -32,8 +33,9 @@ class Model(Options):
         ifr, fr, f, ifr-contact, maw, or a registered one.
     fix : mapping of str to float
         Constant to its known value.
-    prior : mapping of str to (float, float)
-        Constant to mean and standard deviation of an earlier measurement.
+    prior : mapping of str to (float, float) or a law
+        Constant to mean and standard deviation of an earlier measurement; or `Normal`, `TruncatedNormal`,
+        `HalfNormal`, `Uniform`, `LogNormal`, `Beta`.
     bounds : mapping of str to (float, float)
         Constant to lower and upper bound, in the place of the passive domain.
     separate : str or collection of str
@@ -50,8 +52,8 @@ class Model(Options):
     closure: str = option("ifr", "ifr, fr, f, ifr-contact, maw; any other word lists all.")
     _: KW_ONLY
     fix: Mapping[str, float] = option({}, "A constant that you know.", form="values", metavar="NAME=VALUE")
-    prior: Mapping[str, Range] = option(
-        {}, "A constant that you measured before.", form="pairs", metavar="NAME=MEAN,SD"
+    prior: Mapping[str, Range | PriorLaw] = option(
+        {}, "A constant that you measured before.", form="priors", metavar="NAME=MEAN,SD"
     )
     bounds: Mapping[str, Range] = option(
         {}, "Bounds in the place of the physical ones.", form="pairs", metavar="NAME=LO,HI"

@@ -16,7 +16,7 @@ from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report import panels
 from ifrfit.report.comparison.figure import draw_evidence
-from ifrfit.report.regimes import at_true_angles
+from ifrfit.report.regimes import at_true_angles, has_angle
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES, series_styles
 from ifrfit.text import joined, meant
 
@@ -150,7 +150,7 @@ def _drawn(result: FitResult, observable: str | None) -> tuple[FitResult, str]:
         raise UsageError(
             f"There is no '{observable}' in this fit. There is {joined(names)}.{meant(observable, names)}"
         )
-    angled = [name for name in names if panels.has_angle(name)]
+    angled = [name for name in names if has_angle(name)]
     return at_true_angles(result), observable or (angled or names)[0]
 
 
@@ -159,9 +159,8 @@ def _styles(result: FitResult) -> Any:
 
 
 def _axes(axes: Axes | None) -> Axes:
-    if axes is None:
-        return _figure(4.5, 3.2).subplots()
-    return axes
+    new: Axes = _figure(4.5, 3.2).subplots() if axes is None else axes
+    return new
 
 
 def _figure(width: float, height: float) -> Any:

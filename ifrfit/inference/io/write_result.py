@@ -11,6 +11,7 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, to_plain
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.prior_laws import read_law
 from ifrfit.inference.result.types import (
     Interval,
 )
@@ -33,15 +34,18 @@ class ParameterInFile:
     prior: Interval | None
     separate: bool
     passive: Interval | None = field(default=None, metadata=OPTIONAL)
+    law: str | None = field(default=None, metadata=OPTIONAL)
 
     @classmethod
     def of(cls, asked: Parameter) -> ParameterInFile:
         """As it stands in the file."""
-        return cls((asked.lower, asked.upper), asked.fixed, asked.prior, asked.separate, asked.passive)
+        law = None if asked.shape is None else asked.shape.exactly
+        return cls((asked.lower, asked.upper), asked.fixed, asked.prior, asked.separate, asked.passive, law)
 
     def parameter(self, name: str) -> Parameter:
         """As it was."""
-        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive)
+        law = None if self.law is None else read_law(self.law)
+        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive, law)
 
 
 def to_dict(result: Findings) -> dict[str, Any]:

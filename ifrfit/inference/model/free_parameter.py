@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.prior_laws import PriorLaw
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,8 @@ class FreeParameter:
         Mean and sd of a Gaussian cut off at the domain; None for a uniform one.
     log_scale : float
         Log density of the uniform prior, or log of what normalises the Gaussian.
+    shape : PriorLaw or None
+        Whose density stands in the place of both.
     """
 
     name: str
@@ -37,6 +40,7 @@ class FreeParameter:
     upper: float
     prior: tuple[float, float] | None
     log_scale: float
+    shape: PriorLaw | None = None
 
     @classmethod
     def of(cls, name: str, constant: Parameter) -> FreeParameter:
@@ -49,12 +53,13 @@ class FreeParameter:
         if constant.prior is None:
             return cls(name, lower, upper, None, -math.log(upper - lower))
         mean, sd = constant.prior
-        return cls(
-            name, lower, upper, constant.prior, -_log_between((lower - mean) / sd, (upper - mean) / sd)
-        )
+        log_scale = -_log_between((lower - mean) / sd, (upper - mean) / sd)
+        return cls(name, lower, upper, constant.prior, log_scale, constant.shape)
 
     def log_prior(self, value: Array) -> Array | float:
         """Log density inside the domain."""
+        if self.shape is not None:
+            return self.shape.log_density(value, self.lower, self.upper)
         if self.prior is None:
             return self.log_scale
         mean, sd = self.prior

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.prior_laws import Normal, PriorLaw
 from ifrfit.physics.closure import Closure
 from ifrfit.text import meant
 
@@ -74,6 +75,8 @@ class Parameter:
         Whether each series has its own value.
     passive : (float, float) or None
         The passive domain, where bounds of the user stand in its place.
+    shape : PriorLaw or None
+        The law of the prior, where it is neither normal nor uniform; `prior` then has its mean and sd.
     """
 
     name: str
@@ -83,10 +86,11 @@ class Parameter:
     prior: tuple[float, float] | None = None
     separate: bool = False
     passive: tuple[float, float] | None = None
+    shape: PriorLaw | None = None
 
     def fixed_at(self, value: float) -> Parameter:
         """The same parameter fixed at a value, without its prior."""
-        return replace(self, fixed=value, prior=None)
+        return replace(self, fixed=value, prior=None, shape=None)
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -357,7 +361,7 @@ def make_parameters(
     inertia_factor: float,
     *,
     fix: Mapping[str, float] | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
+    prior: Mapping[str, tuple[float, float] | PriorLaw] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     separate: Collection[str] = (),
 ) -> tuple[Parameter, ...]:
@@ -387,31 +391,59 @@ def make_parameters(
         default[closure.constant] = (low, high)
     made = []
     for name in closure.constants:
+        law = _law_of(name, prior)
         lower, upper = bounds.get(name, default[name])
+        if law is not None:
+            lower, upper = _ends_of(law, name, lower, upper, has_bounds=name in bounds)
         _check_bounds(name, lower, upper)
         _check_limits(closure, name, lower, upper)
         fixed = fix.get(name)
         if fixed is not None:
             _check_fixed(name, fixed, lower, upper, name in prior, name in separate)
-        if name in prior:
-            _check_prior(name, *prior[name], lower, upper)
-        passive = default[name] if name in bounds else None
-        made.append(Parameter(name, lower, upper, fixed, prior.get(name), name in separate, passive))
+        moments = None if law is None else law.moments(lower, upper)
+        if moments is not None:
+            _check_prior(name, *moments, lower, upper)
+        passive = default[name] if (lower, upper) != default[name] else None
+        shape = law if law is not None and law.is_shaped else None
+        made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape))
     return tuple(made)
 
 
-def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) -> None:
-    if 0.0 < sd < _SMALLEST_SD:
-        raise UsageError(
-            f"--prior {name}={mean:g},{sd:g}: an sd below {_SMALLEST_SD:g} fixes {name}. "
-            f"Use --fix {name}={mean:g}."
-        )
+def _law_of(name: str, prior: Mapping[str, tuple[float, float] | PriorLaw]) -> PriorLaw | None:
+    """The law of a constant's prior; two numbers are a normal one."""
+    given = prior.get(name)
+    if given is None or isinstance(given, PriorLaw):
+        return given
+    _check_normal(name, *given)
+    return Normal(*given)
+
+
+def _ends_of(
+    law: PriorLaw, name: str, lower: float, upper: float, *, has_bounds: bool
+) -> tuple[float, float]:
+    """The domain under a law."""
+    ends = law.ends(lower, upper)
+    if has_bounds and ends != (lower, upper):
+        raise UsageError(f"--prior {name}={law} contradicts --bounds {name}={lower:g},{upper:g}: keep one.")
+    return ends
+
+
+def _check_normal(name: str, mean: float, sd: float) -> None:
     if not 0.0 < sd <= _LARGEST:
         raise UsageError(
             f"--prior {name}: the standard deviation must be positive and sensible, as in {name}=0.1,0.02."
         )
     if not abs(mean) <= _LARGEST:
         raise UsageError(f"--prior {name}: no impact has a mean of {mean:g}.")
+
+
+def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) -> None:
+    if sd < _SMALLEST_SD:
+        raise UsageError(
+            f"--prior {name}={mean:g},{sd:g}: an sd below {_SMALLEST_SD:g} fixes {name}. "
+            f"Use --fix {name}={mean:g}."
+        )
+    _check_normal(name, mean, sd)
     if not lower - _OUTSIDE * sd <= mean <= upper + _OUTSIDE * sd:
         raise UsageError(
             f"--prior {name}={mean:g},{sd:g}: it lies outside the domain [{lower:g}, {upper:g}]. "

@@ -62,6 +62,11 @@ class IntegralLayout:
 
 def no_grid(problem: Problem) -> str:
     """Why quadrature does not take a problem on, which importance sampling does; empty where it does."""
+    shaped = [f"{one.name}={one.shape}" for one in problem.parameters if one.shape is not None]
+    if shaped:
+        return (
+            f"--prior {shaped[0]} is of a law that the quadrature does not take on. Leave --integrator out."
+        )
     tied = tied_to_e_n(problem, problem.error_model)
     if tied:
         return (

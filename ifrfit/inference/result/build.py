@@ -42,6 +42,7 @@ from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.assumptions import assumed_of
+from ifrfit.inference.result.constants_table import ConstantsTable
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
@@ -202,7 +203,7 @@ def build_result(
         method=estimation.method,
         inputs=problem.observations.sources,
         noise=noise,
-        constants=constants,
+        constants=ConstantsTable(constants),
         derived=derived_of(problem, constants, kappas, transitions),
         correlation=Correlation(names, correlation_of(distribution, names)),
         fit=replace(about.statistics, log_evidence=estimation.log_evidence),

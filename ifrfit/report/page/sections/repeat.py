@@ -160,7 +160,9 @@ def from_points(result: FitResult, file: str) -> str:
             words += ["--bounds", f"{constant.name}={bounds[0]!r},{bounds[1]!r}"]
         if constant.fixed is not None:
             words += ["--fix", f"{constant.name}={constant.fixed!r}"]
-        if constant.prior is not None:
+        if constant.shape is not None:
+            words += ["--prior", f"{constant.name}={constant.shape.exactly}"]
+        elif constant.prior is not None:
             words += ["--prior", f"{constant.name}={constant.prior[0]!r},{constant.prior[1]!r}"]
         if constant.separate:
             words += ["--separate", constant.name]
