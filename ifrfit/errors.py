@@ -9,6 +9,15 @@ class IfrfitError(Exception):
     """Base of all errors raised on purpose. The text is one or two sentences: where, what, what to do.
 
     As text it names options as Python does, in `in_shell` as the command line.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> try:
+    ...     ifrfit.fit("no-such.csv")
+    ... except ifrfit.IfrfitError as error:
+    ...     print(str(error)[:59])
+    no-such.csv: there is neither a file nor a dataset of that
     """
 
     exit_status = 1
@@ -23,12 +32,32 @@ class IfrfitError(Exception):
 
 
 class UsageError(IfrfitError, ValueError):
-    """The call itself is wrong: an unknown name, a value outside its domain, options that contradict."""
+    """The call itself is wrong: an unknown name, a value outside its domain, options that contradict.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> try:
+    ...     ifrfit.fit("cornell-glass", fix={"en": 0.97})
+    ... except ifrfit.UsageError as error:
+    ...     print(error)
+    fix={"en": ...}: closure IFR has no such constant. It has e_n, e_t, mu. Did you mean e_n?
+    """
 
     exit_status = 2
 
 
 class DataError(IfrfitError, ValueError):
-    """The data are refused. The text names the file, the line and the column where there is one."""
+    """The data are refused. The text names the file, the line and the column where there is one.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> try:
+    ...     ifrfit.read({"gamma_deg": [10, 40], "beta": [0.4, "high"]})
+    ... except ifrfit.DataError as error:
+    ...     print(error)
+    table, row 1, column beta: 'high' is not a number. Correct it, or leave the cell empty for "not measured".
+    """
 
     exit_status = 3

@@ -195,6 +195,17 @@ def register(entry: T) -> T:
     ------
     UsageError
         If it is no kind of entry, if its name is that of one of the package's own, or if it cannot be used.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> from ifrfit.physics.closures import CLOSURES
+    >>> list(CLOSURES)
+    ['f', 'fr', 'ifr', 'ifr-contact', 'maw']
+    >>> ifrfit.register(3)
+    Traceback (most recent call last):
+        ...
+    ifrfit.errors.UsageError: int is nothing that can be registered: it is no closure, observable, law of errors, effect, method, report section, report format.
     """
     return _registry_of(entry).add(entry, replaces=True)
 

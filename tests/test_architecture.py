@@ -30,6 +30,7 @@ LAYERS = (
     ("physics",),
     ("registry",),
     ("errors", "text", "_version"),
+    ("option_words",),
 )
 # the places that look a module up by its name: what draws a result, homes of registries and of entries
 LATE = {"ifrfit.inference.result.display", "ifrfit.inference.workers.worker_processes", "ifrfit.registry"}

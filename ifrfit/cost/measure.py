@@ -242,6 +242,13 @@ def measure_costs(
         problem without an exact posterior where inference was, and as `ifrfit.fit`.
     DataError
         As `ifrfit.fit`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> costs = ifrfit.measure_costs("cross-2019", fix={"e_n": 0.9}, kinds="arithmetic", quick=True)
+    >>> costs.table()["method"].unique().tolist()
+    ['float32', 'float64', '50 digits']
     """
     data, options = split_columns("measure_costs", FitKeywords, data, keywords)
     requested = _kinds(kinds)

@@ -124,6 +124,12 @@ def load_dataset(name: str) -> Observations:
         If there is no such dataset.
     DataError
         If its data file is not the one its datapackage.json describes.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.load_dataset("cornell-glass")
+    Observations(cornell-glass: 48 rows of e_n, beta_cm; measured)
     """
     found = entry(name)
     if found.installed is None:

@@ -135,6 +135,17 @@ class Observations:
         Sentences for the user.
     momentum : tuple of MomentumCheck
         One for each source of raw velocities with spin after; not repeated in the notes.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> data = ifrfit.load_dataset("kharaz-2001")
+    >>> data
+    Observations(kharaz-2001: 94 rows of beta_cm, spin_y_after, psi_out_deg, delta_deg; digitised, simulated)
+    >>> data.table[["gamma_deg", "observable", "value"]].head(2)
+       gamma_deg observable     value
+    0    2.23762    beta_cm -0.796540
+    1    4.21782    beta_cm -0.746293
     """
 
     table: pd.DataFrame = _Frame()  # type: ignore[assignment]

@@ -62,6 +62,12 @@ def read(
         The file is refused; the message names file, line and column and what to do.
     UsageError
         A convention is unknown or names a column that is not there, or the inertia factor is not positive.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.read({"alpha_deg": [80, 50, 20], "beta": [0.40, 0.35, -0.41]}, convention="angle=alpha_deg:from-wall")
+    Observations(table: 3 rows of beta; provenance not stated)
     """
     conventions = parse_conventions(convention)
     if isinstance(data, str | Path):

@@ -108,7 +108,7 @@ class Method(Options):
     """
 
     fits_angle_offset: ClassVar[bool] = False
-    knows_prior_laws: ClassVar[bool] = False
+    takes_every_prior: ClassVar[bool] = False
 
     def refuses(self, problem: Problem) -> str:
         """Why the method cannot do a problem; empty where it can."""
@@ -203,10 +203,17 @@ class Exact(Method):
     UsageError
         For numbers that make no sense, an integrator that does not exist, or one beside `accuracy` or
         `budget`, which ask for quadrature.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass", method=ifrfit.Exact(accuracy=1e-3))
+    >>> f"{fit.constants.mu:.1uS}"
+    '0.089(9)'
     """
 
     name: ClassVar[str] = "exact"
-    knows_prior_laws: ClassVar[bool] = True
+    takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "exact posterior"
     label: ClassVar[str] = "exact"
@@ -258,6 +265,13 @@ class LeastSquares(Method):
     ----------
     workers, scheduler, resume
         As `Exact`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass", method=ifrfit.LeastSquares())
+    >>> fit.facts["global_optimum"].ok
+    True
     """
 
     name: ClassVar[str] = "lsq"
@@ -287,7 +301,15 @@ class LeastSquares(Method):
 
 @dataclass(frozen=True, repr=False)
 class Profile(PlainErrors):
-    """The profile likelihood of each constant."""
+    """The profile likelihood of each constant.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass", method=ifrfit.Profile())
+    >>> fit.profiles["mu"].shape
+    'bounded'
+    """
 
     name: ClassVar[str] = "profile"
     title: ClassVar[str] = "profile likelihood"
@@ -329,10 +351,16 @@ class MCMC(Method):
     UsageError
         For numbers that make no sense; for `max_steps` and `resume` beside `accuracy` or `budget`, which pick
         the settings.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", method=ifrfit.MCMC(max_steps=200)).facts["converged"].ok
+    False
     """
 
     name: ClassVar[str] = "mcmc"
-    knows_prior_laws: ClassVar[bool] = True
+    takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "Markov chain Monte Carlo"
     label: ClassVar[str] = "MCMC"
@@ -391,6 +419,13 @@ class Bootstrap(PlainErrors):
         Experiments drawn; 1,000 by default.
     workers : int
         As of `MCMC`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass", method=ifrfit.Bootstrap("wild", replicates=200))
+    >>> fit.constants.mu.status
+    'determined'
     """
 
     name: ClassVar[str] = "bootstrap"
@@ -440,10 +475,17 @@ class Automatic(Method):
         As of `Exact`.
     workers : int
         As of `MCMC`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass", method=ifrfit.Automatic(accuracy=1e-2))
+    >>> fit.method
+    'exact'
     """
 
     name: ClassVar[str] = "automatic"
-    knows_prior_laws: ClassVar[bool] = True
+    takes_every_prior: ClassVar[bool] = True
     title: ClassVar[str] = "posterior"
     label: ClassVar[str] = "posterior"
     summary: ClassVar[str] = "whichever method reaches the accuracy"
@@ -472,10 +514,10 @@ class Automatic(Method):
 def refuses_prior(estimator: Estimator, problem: Problem) -> str:
     """Why a method does not know a prior of the problem; empty where it does.
 
-    A law that is neither normal nor uniform is known to a method whose attribute `knows_prior_laws` is true.
+    A law that is neither normal nor uniform is known to a method whose attribute `takes_every_prior` is true.
     """
     shaped = [f"{one.name}={one.shape}" for one in problem.parameters if one.shape is not None]
-    if not shaped or getattr(estimator, "knows_prior_laws", False):
+    if not shaped or getattr(estimator, "takes_every_prior", False):
         return ""
     name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
     return (

@@ -111,6 +111,20 @@ def fit(
         For choices that do not exist or contradict, and where an object and a keyword both say something.
     DataError
         For data that are refused.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit(
+    ...     gamma_deg=[10, 20, 30, 40, 50, 60, 70, 80],
+    ...     beta=[0.46, 0.45, 0.43, 0.44, 0.11, -0.26, -0.56, -0.79],
+    ...     sigma=0.02,
+    ...     fix={"e_n": 0.9},
+    ... )
+    >>> fit
+    <FitResult ifr, exact: e_n 0.9, e_t -0.9698(91), mu 0.1874(35); 8 values of table>
+    >>> print(f"{fit.constants.mu:.2uS} {fit.constants.mu.status}")
+    0.1874(35) determined
     """
     started = now()
     data, options = split_columns("fit", FitKeywords, data, keywords)

@@ -47,6 +47,13 @@ class Model(Options):
     ------
     UsageError
         If the inertia factor is not positive.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> model = ifrfit.Model("fr", fix={"e_n": 0.97}, prior={"mu": ifrfit.LogNormal(0.1, 0.3)})
+    >>> ifrfit.fit("cornell-glass", model).constants.beta0.status
+    'determined'
     """
 
     closure: str = option("ifr", "ifr, fr, f, ifr-contact, maw; any other word lists all.")
@@ -140,6 +147,12 @@ class AngleErrors(Options):
     ------
     UsageError
         For a kind that does not exist, or values that do not belong to it.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.Noise("known", angles=ifrfit.AngleErrors("set", sigma_deg=1.0))
+    Noise(policy='known', angles=AngleErrors(kind='set', sigma_deg=1.0))
     """
 
     kind: str = option(
@@ -198,6 +211,13 @@ class Noise(Options):
     ------
     UsageError
         For a choice that does not exist, or choices that contradict.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> noise = ifrfit.Noise("unknown", tails="student-t", dof=4)
+    >>> ifrfit.fit("cornell-glass", noise=noise, observable="beta_cm", fix={"e_n": 0.97}).noise.policy
+    'unknown'
     """
 
     policy: str | None = option(

@@ -53,6 +53,13 @@ class Rebound:
     e_n : ndarray
     inertia_factor : float
         J = I/(m R^2).
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> r = ifrfit.rebound(60.0, spin_y=0.2, e_n=0.9, e_t=-0.7, mu=0.15, degrees=True)
+    >>> round(float(r.mu_app), 3)
+    0.246
     """
 
     v_x: Array
@@ -284,6 +291,15 @@ def rebound(
     Doménech-Carbó (2023), Eqs (14)-(37), as one formula: k = a + min(b, kappa U_n/|U_t|), with
     kappa = mu (1 + e_n); the tangential impulse per mass is -k U_t. Closure maw takes k from the solution of
     Maw, Barber & Fawcett (1976) instead, see `ifrfit.physics.compliance`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> r = ifrfit.rebound([20.0, 60.0], e_n=0.9, e_t=-0.7, mu=0.15, degrees=True)
+    >>> r.beta.round(3)
+    array([ 0.7  , -0.124])
+    >>> r.sticking
+    array([ True, False])
     """
     chosen = get_closure(closure)
     c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi, **constants})

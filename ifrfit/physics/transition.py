@@ -35,6 +35,14 @@ def transition_angles(tau: float, spin_x: float = 0.0, spin_y: float = 0.0) -> t
     -----
     Roots S = sin(gamma) in [0, 1] of (1 + tau^2) S^2 + 2 s_y S + s_x^2 + s_y^2 - tau^2 = 0, which is
     Eq. (23) of Doménech-Carbó (2023) made explicit.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> [round(angle, 2) for angle in ifrfit.transition_angles(1.0)]
+    [45.0]
+    >>> ifrfit.transition_angles(1.0, spin_y=1.0)
+    (0.0,)
     """
     if not math.isfinite(tau) or tau < 0.0:
         return ()

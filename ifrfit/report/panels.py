@@ -327,6 +327,7 @@ def draw_data(axes: Axes, result: FitResult, observable: str, styles: dict[str, 
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
     axes.set_ylabel(axis_label(observable))
     _set_angles(axes, result, x, label)
+    mark_stand_in(axes, rows)
 
 
 def draw_residuals_of(axes: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]) -> None:

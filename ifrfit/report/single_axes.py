@@ -34,7 +34,6 @@ def plot_data(result: FitResult, axes: Axes | None = None, observable: str | Non
     result, name = _drawn(result, observable)
     axes = _axes(axes)
     panels.draw_data(axes, result, name, _styles(result))
-    panels.mark_stand_in(axes, panels.rows_of(result, name))
     return axes
 
 

@@ -62,6 +62,28 @@ class Simulation(Display):
     seed : int
     notes : tuple of str
         What the user should know.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> toml = '''
+    ... sphere = {diameter_mm = 5, material = "alumina"}
+    ... wall = {material = "soda-lime-glass"}
+    ... impact = {gamma_deg = [20, 60], speed_m_s = 3.9}
+    ... constants = {e_n = 0.98, e_t = -0.9, mu = 0.09}
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     scene = Path(folder, "glass.toml")
+    ...     written = scene.write_text(toml)
+    ...     found = ifrfit.simulate(scene)
+    >>> found
+    <Simulation glass, ifr: 2 impacts>
+    >>> found.rebounds()[["gamma_deg", "observable", "value"]].round(3).head(2)
+       gamma_deg observable  value
+    0       20.0        e_n   0.98
+    1       60.0        e_n   0.98
     """
 
     scene: Scene
@@ -284,6 +306,24 @@ def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int
         The scene is refused.
     UsageError
         For a number of samples or a seed that cannot be.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> toml = '''
+    ... sphere = {diameter_mm = 5, material = "alumina"}
+    ... wall = {material = "soda-lime-glass"}
+    ... impact = {gamma_deg = [20, 60], speed_m_s = 3.9}
+    ... constants = {e_n = 0.98, e_t = -0.9, mu = 0.09}
+    ... '''
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     scene = Path(folder, "glass.toml")
+    ...     written = scene.write_text(toml)
+    ...     found = ifrfit.simulate(scene)
+    >>> found.impacts.speed.size
+    2
     """
     given = scene if isinstance(scene, Scene) else read_scene(scene)
     n = samples if samples is not None else (SAMPLES if given.random else 1)

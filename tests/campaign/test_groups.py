@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import refused
 
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
@@ -104,18 +105,18 @@ def test_the_digest_follows_what_is_read(tmp_path):
 
 @pytest.mark.parametrize("by", [(), ("wall", "wall")])
 def test_columns_are_named_once(tmp_path, by):
-    with pytest.raises(UsageError, match="--by"):
+    with refused(UsageError, match="--by"):
         grouped([write(tmp_path / "a.csv", "steel,10,0.1")], *by)
 
 
 def test_a_column_that_no_file_has(tmp_path):
     path = write(tmp_path / "a.csv", "steel,10,0.1")
-    with pytest.raises(UsageError, match=r"--by wal: .* wall, gamma_deg and beta"):
+    with refused(UsageError, match=r"--by wal: .* wall, gamma_deg and beta"):
         list(grouped([path], "wal").groups())
 
 
 def test_nothing_to_read(tmp_path):
-    with pytest.raises(DataError, match="no CSV"):
+    with refused(DataError, match="no CSV"):
         table_files([tmp_path])
-    with pytest.raises(DataError, match="no such file"):
+    with refused(DataError, match="no such file"):
         table_files([tmp_path / "a.csv"])

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from command_line import in_this_process as command
 from factories import HEADER, impacts_text
+from refusals import refused
 
 import ifrfit
 from ifrfit.campaign.report.page import page
@@ -114,9 +115,9 @@ def test_an_interrupted_campaign_goes_on(tmp_path, monkeypatch):
     assert len(journal.read_text(encoding="utf-8").splitlines()) == 28
     with journal.open("a", encoding="utf-8") as more:
         more.write('{"key": ["r28"], "dig')  # a line that was cut off
-    with pytest.raises(UsageError, match="--resume"):
+    with refused(UsageError, match="--resume"):
         run(path, out)
-    with pytest.raises(UsageError, match="something else"):
+    with refused(UsageError, match="something else"):
         run(path, out, resume=True, method="lsq")
     fitted = []
     import ifrfit.campaign.plain_groups as module
@@ -142,7 +143,7 @@ def test_a_group_that_changed_meanwhile_is_fitted_again(tmp_path):
     def full(found):
         raise UsageError("the disk is full")
 
-    with pytest.raises(UsageError, match="full"):
+    with refused(UsageError, match="full"):
         run(path, out, full)
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join([*lines[:-1], *lines_of("r3", 9, e_n=0.5, c=-0.7, mu=0.1)]) + "\n")
@@ -155,14 +156,14 @@ def test_a_group_that_changed_meanwhile_is_fitted_again(tmp_path):
 )
 def test_what_is_refused(tmp_path, options, said):
     path = campaign_file(tmp_path / "all.csv", runs=1)
-    with pytest.raises(UsageError, match=said):
+    with refused(UsageError, match=said):
         run(path, tmp_path / "out", **options)
     assert not (tmp_path / "out.unfinished.jsonl").exists()
 
 
 def test_files_without_a_group(tmp_path):
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
-    with pytest.raises(DataError, match="no group"):
+    with refused(DataError, match="no group"):
         run(tmp_path / "a.parquet", tmp_path / "out")
     assert list(tmp_path.iterdir()) == [tmp_path / "a.parquet"]
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import refused
 
 import ifrfit
 from ifrfit.cost.inference_costs import UNIT
@@ -160,7 +161,7 @@ def test_impacts_that_lose_alike_share_a_line(costs):
 
 
 def test_a_kind_that_was_not_measured_has_no_picture(costs):
-    with pytest.raises(UsageError, match="Nothing of the kind arithmetic was measured"):
+    with refused(UsageError, match="Nothing of the kind arithmetic was measured"):
         costs.plot("arithmetic")
 
 
@@ -177,7 +178,7 @@ def test_the_folder_is_whole_and_is_kept(costs, tmp_path):
     table = pd.read_csv(tmp_path / "cost" / "cost.csv", keep_default_na=False)
     assert list(table) == list(costs.table())
     assert table["time_s"].to_numpy() == pytest.approx(costs.table()["time_s"].to_numpy(), rel=1e-5)
-    with pytest.raises(UsageError, match="holds an earlier measurement of costs; add --force"):
+    with refused(UsageError, match="holds an earlier measurement of costs; add --force"):
         costs.save(tmp_path / "cost")
 
 
@@ -208,12 +209,12 @@ def test_data_without_an_angle_have_no_contact_law(tmp_path):
     path = tmp_path / "drops.csv"
     path.write_text("observable,value,sigma\ne_n,0.9,0.01\ne_n,0.91,0.01\n", encoding="utf-8")
     choices = {"fix": {"e_t": -0.9, "mu": 0.1}}
-    with pytest.raises(UsageError, match="No row has an incidence angle"):
+    with refused(UsageError, match="No row has an incidence angle"):
         setting_at(path, **choices)
 
 
 def test_contact_laws_are_those_of_solid_spheres(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 20), noise=0.02, sigma=0.02)
     choices = {"fix": {"e_n": 0.94}, "inertia_factor": 2.0 / 3.0}
-    with pytest.raises(UsageError, match=r"solid sphere, not for inertia factor 0\.666667: add"):
+    with refused(UsageError, match=r"solid sphere, not for inertia factor 0\.666667: add"):
         setting_at(path, **choices)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from ifrfit import AngleErrors, Noise
 from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs, largest_errors, of_distribution
@@ -86,7 +87,7 @@ def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
 def test_angles_that_tie_e_n_leave_no_reference(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), observables=("mu_app",), sigma=0.05, noise=0.05)
     error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
-    with pytest.raises(UsageError, match=r"so there is no quadrature to measure errors against\. Fix e_n"):
+    with refused(UsageError, match=r"so there is no quadrature to measure errors against\. Fix e_n"):
         start_of(path, **error_model)
     assert start_of(path, posterior=False, **error_model).method == "lsq"
     assert start_of(path, fix=FIX, **error_model).problem.error_model.integrates
@@ -94,23 +95,23 @@ def test_angles_that_tie_e_n_leave_no_reference(impacts):
 
 def test_errors_of_a_scatter_name_the_scatter_that_was_asked_for(path):
     error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
-    with pytest.raises(UsageError, match=r"Closure MAW knows independent Gaussian.*--angle-errors set out"):
+    with refused(UsageError, match=r"Closure MAW knows independent Gaussian.*--angle-errors set out"):
         start_of(path, closure="maw", **error_model)
-    with pytest.raises(DataError, match="--angle-errors set, but no row states an uncertainty of its angle"):
+    with refused(DataError, match="--angle-errors set, but no row states an uncertainty of its angle"):
         start_of(path, fix=FIX, angle_errors="set")
-    with pytest.raises(UsageError, match="--angle-errors measured needs --angle-population"):
+    with refused(UsageError, match="--angle-errors measured needs --angle-population"):
         measure_costs(path, fix=FIX, noise=Noise(angles=AngleErrors("measured", sigma_deg=1.0)))
 
 
 def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch):
     problem = start_of(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
     hasty = Extent((1e-1,), (50,), (10**9,), seeds=1, repeats=1, longest=0.5, reference=0.0)
-    with pytest.raises(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
+    with refused(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
         inference_costs(problem, extent=hasty)
     monkeypatch.setattr("ifrfit.cost.inference_costs.foreseen", lambda *_: math.inf)
     endless = replace(QUICK, steps=(10**9,))
     monkeypatch.setattr("ifrfit.cost.inference_costs.QUICK", endless)
-    with pytest.raises(UsageError, match=r"than 0\.7 s: leave --quick out, or choose --kind physics"):
+    with refused(UsageError, match=r"than 0\.7 s: leave --quick out, or choose --kind physics"):
         inference_costs(problem, extent=endless)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import frictionless
 import numpy as np
 import pytest
+from refusals import refused
 
 from ifrfit import fit
 from ifrfit.data import catalogue
@@ -253,14 +254,14 @@ def test_the_list_says_what_a_stand_in_is_where_there_is_one_and_what_is_yours()
 )
 def test_unknown_names_are_refused(name):
     for call in (catalogue.load_dataset, describe, catalogue.remove, catalogue.printed_constants):
-        with pytest.raises(UsageError, match=re.escape(f"There is no dataset '{name}'.")):
+        with refused(UsageError, match=re.escape(f"There is no dataset '{name}'.")):
             call(name)
 
 
 def test_unknown_name_lists_the_names_and_the_close_one(points):
-    with pytest.raises(UsageError) as error:
+    with refused(UsageError) as error:
         catalogue.install("cros-2019", points)
-    assert str(error.value) == (
+    assert error.value.in_shell == (
         "There is no dataset 'cros-2019'. Did you mean cross-2019? The datasets are " + ", ".join(NAMES) + "."
     )
 
@@ -277,9 +278,9 @@ def test_resolve_a_name_a_file_and_a_folder(points):
 
 
 def test_resolve_names_both_possibilities(tmp_path, points):
-    with pytest.raises(DataError) as error:
+    with refused(DataError) as error:
         catalogue.resolve(tmp_path / "point.csv")
-    assert str(error.value) == (
+    assert error.value.in_shell == (
         f"{tmp_path / 'point.csv'}: there is neither a file nor a dataset of that name. Did you mean "
         "points.csv? The datasets are " + ", ".join(NAMES) + "."
     )
@@ -312,7 +313,7 @@ def test_changed_data_are_refused(damaged):
 def test_changed_bundled_data_are_refused(tmp_path, monkeypatch, damaged):
     (damaged / "data.csv").write_text(MINE, encoding="utf-8")
     monkeypatch.setattr(catalogue, "bundled_root", lambda: tmp_path)
-    with pytest.raises(DataError, match="Install ifrfit again"):
+    with refused(DataError, match="Install ifrfit again"):
         catalogue.load_dataset("wang-2020")
 
 
@@ -343,22 +344,22 @@ def test_broken_packages_are_refused(damaged, change, message):
     package = json.loads(path.read_text(encoding="utf-8"))
     change(package)
     path.write_text(json.dumps(package), encoding="utf-8")
-    with pytest.raises(DataError, match=message):
+    with refused(DataError, match=message):
         catalogue.load_folder(damaged)
 
 
 def test_a_folder_without_package_and_bad_json_are_refused(damaged):
     (damaged / "datapackage.json").write_text("{", encoding="utf-8")
-    with pytest.raises(DataError, match="cannot be read as JSON"):
+    with refused(DataError, match="cannot be read as JSON"):
         catalogue.load_folder(damaged)
     (damaged / "datapackage.json").unlink()
-    with pytest.raises(DataError, match=r"there is no datapackage\.json"):
+    with refused(DataError, match=r"there is no datapackage\.json"):
         catalogue.load_folder(damaged)
 
 
 def test_missing_datasets_are_reported(monkeypatch, tmp_path):
     monkeypatch.setattr(catalogue, "files", lambda package: tmp_path / "ifrfit")
-    with pytest.raises(DataError, match="The bundled datasets are missing"):
+    with refused(DataError, match="The bundled datasets are missing"):
         catalogue.dataset_names()
 
 
@@ -466,11 +467,11 @@ def test_a_stand_in_cannot_be_installed(tmp_path):
 def test_refused_data_leave_nothing_and_keep_the_earlier_ones(points, tmp_path, own_folder):
     bad = tmp_path / "bad.csv"
     bad.write_text(MINE + "no spin,beta,95,0.3\n", encoding="utf-8")
-    with pytest.raises(DataError):
+    with refused(DataError):
         catalogue.install("cross-2019", bad)
     assert not own_folder.exists()
     catalogue.install("cross-2019", points)
-    with pytest.raises(DataError):
+    with refused(DataError):
         catalogue.install("cross-2019", bad)
     assert len(catalogue.load_dataset("cross-2019")) == 3
 
@@ -497,7 +498,7 @@ def test_a_failed_write_brings_the_earlier_data_back(points, tmp_path, own_folde
         return replace(self, target)
 
     monkeypatch.setattr(Path, "replace", fail_for_new)
-    with pytest.raises(DataError, match="cannot be written \\(No space left on device\\)"):
+    with refused(DataError, match="cannot be written \\(No space left on device\\)"):
         catalogue.install("cross-2019", second)
     monkeypatch.undo()
     monkeypatch.setenv("IFRFIT_DATA_DIR", str(own_folder.parent))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from refusals import refused
 
 import ifrfit.data as data
 from ifrfit.errors import DataError
@@ -28,10 +29,10 @@ CASES = {
 def refusal(tmp_path, text, **options):
     path = tmp_path / "x.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(DataError) as caught:
+    with refused(DataError) as caught:
         data.read(path, **options)
     assert caught.value.exit_status == 3
-    return str(caught.value).replace(f"{tmp_path}/", "")
+    return caught.value.in_shell.replace(f"{tmp_path}/", "")
 
 
 def sentences(message):
@@ -96,11 +97,11 @@ def test_whatever_a_file_holds_it_is_read_or_refused_in_words(tmp_path, raw):
 
 
 def test_missing_file_and_folder(tmp_path):
-    with pytest.raises(DataError, match=r"nix\.csv: there is no such file\. Check the name\."):
+    with refused(DataError, match=r"nix\.csv: there is no such file\. Check the name\."):
         data.read(tmp_path / "nix.csv")
-    with pytest.raises(DataError, match=r"this is a folder\. Name a CSV, TSV or Parquet file in it\."):
+    with refused(DataError, match=r"this is a folder\. Name a CSV, TSV or Parquet file in it\."):
         data.read(tmp_path)
-    with pytest.raises(DataError, match="cannot be read"):
+    with refused(DataError, match="cannot be read"):
         data.read("a\0b.csv")
 
 
@@ -117,10 +118,10 @@ def test_empty_columns_to_the_right_are_no_error(read):
     ],
 )
 def test_an_uncertainty_is_never_offered_as_a_value(read, header, sigma):
-    with pytest.raises(DataError) as raised:
+    with refused(DataError) as raised:
         read(f"gamma_deg,beta,{header}\n10,-0.5,0.01\n20,-0.4,0.01\n")
-    assert f"a column {sigma}" in str(raised.value)
-    assert f"column:{sigma}={header}" in str(raised.value)
+    assert f"a column {sigma}" in raised.value.in_shell
+    assert f"column:{sigma}={header}" in raised.value.in_shell
 
 
 @pytest.mark.parametrize("code", ["-999", "-99", "9999", "-99.9"])
@@ -128,10 +129,10 @@ def test_an_uncertainty_is_never_offered_as_a_value(read, header, sigma):
 def test_a_code_for_a_missing_value_is_refused_with_its_place(read, column, code):
     cells = {"gamma_deg": "20", "beta": "0.4", "spin_y": "0.1", "sigma": "0.02"}
     lines = [",".join(cells), ",".join(cells.values()), ",".join((cells | {column: code}).values())]
-    with pytest.raises(DataError) as raised:
+    with refused(DataError) as raised:
         read("\n".join(lines) + "\n")
-    assert f"line 3, column {column}: {code} looks like a code for 'not measured'" in str(raised.value)
-    assert "Leave such cells empty" in str(raised.value)
+    assert f"line 3, column {column}: {code} looks like a code for 'not measured'" in raised.value.in_shell
+    assert "Leave such cells empty" in raised.value.in_shell
 
 
 @pytest.mark.parametrize(
@@ -143,9 +144,9 @@ def test_a_short_code_is_one_where_it_is_repeated(read, code, times, refused):
     if not refused:
         assert len(read(text).table) == 10
         return
-    with pytest.raises(DataError) as raised:
+    with refused(DataError) as raised:
         read(text)
-    assert f"line 2, column beta: {code} looks like a code for 'not measured'" in str(raised.value)
+    assert f"line 2, column beta: {code} looks like a code for 'not measured'" in raised.value.in_shell
 
 
 def test_nines_among_their_like_are_values(read):
@@ -171,17 +172,17 @@ def test_an_impact_id_that_starts_anew_is_refused(read, column, values, words):
     cells = {"gamma_deg": 10, "beta": 0.4, "spin_y": 0.1, "speed_m_s": 1, "impact_id": 7}
     rows = [cells | {column: value} for value in values]
     text = "\n".join(",".join(map(str, row)) for row in (cells, *(row.values() for row in rows)))
-    with pytest.raises(DataError, match="impact '7'") as raised:
+    with refused(DataError, match="impact '7'") as raised:
         read(text + "\n")
-    assert words in str(raised.value)
-    assert "column impact_id" in str(raised.value)
-    assert "Number the impacts through the whole table or remove the column." in str(raised.value)
+    assert words in raised.value.in_shell
+    assert "column impact_id" in raised.value.in_shell
+    assert "Number the impacts through the whole table or remove the column." in raised.value.in_shell
 
 
 def test_readings_of_one_impact_may_differ_a_little(read):
     text = "observable,value,gamma_deg,impact_id\nbeta_cm,-0.7,{},1\nspin_y_after,-0.4,{},1\n"
     assert len(read(text.format(20, 20.3))) == 2
-    with pytest.raises(DataError, match=r"Number the impacts through the whole table\.$"):
+    with refused(DataError, match=r"Number the impacts through the whole table\.$"):
         read(text.format(20, 21))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from ifrfit.data import Descriptor, Observations, Selection, Source, combine, read, select
 from ifrfit.data.observations import make_table
@@ -148,9 +149,9 @@ def test_what_the_user_names_is_used_instead():
 
 def test_naming_a_conflict_is_refused_unless_independent():
     obs = of_one_impact("beta", "beta_cm", "e_n")
-    with pytest.raises(UsageError) as caught:
+    with refused(UsageError) as caught:
         select(obs, Selection(observable=("beta", "beta_cm")))
-    assert str(caught.value) == (
+    assert caught.value.in_shell == (
         "--observable beta beta_cm: beta and beta_cm are of the same impacts (a.csv, line 3, for one) and "
         "would count them twice. Name one of them, or say --independent if they were measured independently."
     )
@@ -198,7 +199,7 @@ def test_faces_and_repeat_readings_of_a_descriptor_count_once():
 def test_naming_two_readings_is_refused_naming_one_is_not():
     obs = obs_of(READINGS, faces=(("one", "two"),))
     assert used(select(obs, Selection(series=("two",)))) == ["beta_cm", "spin_y_after"]
-    with pytest.raises(UsageError, match=r"--series one two: one and two are of the same impacts"):
+    with refused(UsageError, match=r"--series one two: one and two are of the same impacts"):
         select(obs, Selection(series=("one", "two")))
     assert len(select(obs, Selection(series=("one", "two"), independent=True))) == 5
     chosen = select(obs, Selection(observable=("beta_cm", "spin_y_after")))
@@ -247,13 +248,13 @@ def test_selecting_twice_changes_nothing_more():
 )
 def test_usage_errors(selection, message):
     obs = obs_of([("beta", "s", "3"), ("e_n", "s", "1")])
-    with pytest.raises(UsageError, match=message):
+    with refused(UsageError, match=message):
         select(obs, selection)
 
 
 def test_a_line_number_in_two_files_is_ambiguous():
     both = combine([obs_of([("beta", "s", "")]), obs_of([("beta", "s", "")], name="b.csv")])
-    with pytest.raises(UsageError, match=r"there is a line 2 in a\.csv and in b\.csv\. Write a\.csv:2\."):
+    with refused(UsageError, match=r"there is a line 2 in a\.csv and in b\.csv\. Write a\.csv:2\."):
         select(both, Selection(exclude=(2,)))
     assert list(select(both, Selection(exclude=("b.csv:2",))).table.source) == ["a.csv"]
 
@@ -269,7 +270,7 @@ def test_a_line_number_in_two_files_is_ambiguous():
 )
 def test_nothing_left(selection, message):
     obs = obs_of([("beta", "s", ""), ("beta_cm", "t", "")])
-    with pytest.raises(DataError, match=message):
+    with refused(DataError, match=message):
         select(obs, selection)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from factories import at_most, rest_long, table_file
+from refusals import refused
 from scipy import special
 
 import ifrfit
@@ -232,7 +233,7 @@ def test_the_density_for_samplers_is_that_of_the_problem_at_each_offset(path):
     draws = density.draws(points)
     np.testing.assert_allclose(density.points(draws), points, rtol=1e-14)
     assert set(Coordinates(density).quantities(points)) == {*density.names, "kappa"}
-    with pytest.raises(UsageError, match="The angle offset is unknown, too"):
+    with refused(UsageError, match="The angle offset is unknown, too"):
         problem.log_posterior(np.array([0.9, -0.8, 0.15]), np.array([0.02, 0.02]))
 
 
@@ -315,7 +316,7 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
         .drop(columns=["v_n", "sigma_v_n"])
     )
     path = table_file(tmp_path / "a.csv", frame)
-    with pytest.raises((UsageError, DataError), match=says):
+    with refused((UsageError, DataError), match=says):
         ifrfit.fit(path, noise=with_offset(2.0), **choices)
 
 
@@ -329,7 +330,7 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
     ],
 )
 def test_a_wrong_combination_cannot_be_made(make, says):
-    with pytest.raises(IfrfitError, match=says):
+    with refused(IfrfitError, match=says):
         make()
 
 

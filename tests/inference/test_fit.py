@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from factories import problem_of
+from refusals import refused
 from scipy import stats
 
 import ifrfit
@@ -42,7 +43,7 @@ def test_intervals_are_those_of_the_normal_law_far_from_bounds(impacts):
     )
     low, high = mu.interval(0.68)
     assert high - low == pytest.approx(2.0 * stats.norm.ppf(0.84) * mu.stderr, rel=1e-6)
-    with pytest.raises(UsageError, match=r"kept at 0\.68 and 0\.95"):
+    with refused(UsageError, match=r"kept at 0\.68 and 0\.95"):
         mu.interval(0.9)
 
 
@@ -151,7 +152,7 @@ def test_top_spin_has_two_transitions(impacts):
 @pytest.mark.parametrize("policy", ["unknown", "scaled"])
 def test_too_few_points_need_a_sigma(policy, impacts):
     path = impacts(gamma=np.array([20.0, 60.0]), sigma=None if policy == "unknown" else 0.05)
-    with pytest.raises(DataError, match=r"2 values of beta .* need a sigma\. Add a column sigma"):
+    with refused(DataError, match=r"2 values of beta .* need a sigma\. Add a column sigma"):
         ifrfit.fit(path, fix={"e_n": 0.94}, noise=policy)
 
 
@@ -179,7 +180,7 @@ QUICK = {"bootstrap": Bootstrap(replicates=100), "mcmc": MCMC(max_steps=1000)}
 
 @pytest.mark.parametrize(("choices", "text"), USAGE)
 def test_wrong_choices_are_refused_in_words(choices, text, impacts):
-    with pytest.raises(UsageError, match=text):
+    with refused(UsageError, match=text):
         ifrfit.fit(impacts(gamma=GAMMA), **choices)
 
 
@@ -199,7 +200,7 @@ def test_the_narrowest_prior_is_as_good_as_a_fixed_value(method, impacts):
 
 
 def test_nothing_to_fit_is_refused():
-    with pytest.raises(UsageError, match="nothing to fit"):
+    with refused(UsageError, match="nothing to fit"):
         ifrfit.fit([])
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from factories import at_most
+from refusals import refused
 
 import ifrfit
 from ifrfit.errors import UsageError
@@ -180,7 +181,7 @@ def test_without_friction_kappa_is_zero(impacts: Impacts, closure: str) -> None:
     ],
 )
 def test_refusals(impacts: Impacts, choices: dict[str, object], says: str) -> None:
-    with pytest.raises(UsageError, match=says):
+    with refused(UsageError, match=says):
         fit(impacts(gamma=GAMMA, **TRUE), **choices)
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from factories import at_most, impacts_text, problem_of
 from json_schemas import validator
+from refusals import refused
 from scipy import optimize, special
 
 import ifrfit
@@ -96,7 +97,7 @@ def test_a_part_without_unknown_noise_is_known(impacts):
 
 @pytest.mark.parametrize("policy", ["known", "scaled"])
 def test_a_policy_that_needs_every_sigma_names_the_row_and_the_remedy(impacts, policy):
-    with pytest.raises(DataError, match=r"line 18: no sigma, but --noise .* use --noise mixed"):
+    with refused(DataError, match=r"line 18: no sigma, but --noise .* use --noise mixed"):
         ifrfit.fit(impacts(BETA, E_N_WITHOUT), noise=policy)
 
 
@@ -106,7 +107,7 @@ def test_other_errors_than_gaussian_ones_are_refused_beside_both(impacts):
     ):
         ifrfit.fit(impacts(BETA, E_N_WITHOUT), noise=ifrfit.Noise(tails="student-t"))
     two = impacts(BETA, BETA_WITHOUT | {"series": "b"})
-    with pytest.raises(DataError, match="or take --noise unknown"):
+    with refused(DataError, match="or take --noise unknown"):
         ifrfit.fit(two, noise=ifrfit.Noise(tails="student-t"), fix={"e_n": 0.94})
     found = ifrfit.fit(two, noise=ifrfit.Noise("unknown", tails="student-t"), fix={"e_n": 0.94})
     assert found.noise.policy == "unknown"
@@ -114,9 +115,9 @@ def test_other_errors_than_gaussian_ones_are_refused_beside_both(impacts):
 
 def test_a_few_readings_of_a_series_that_another_could_help_are_told_how(impacts):
     few = E_N_WITHOUT | {"series": "b", "gamma": FEW[:1]}
-    with pytest.raises(DataError, match=r"1 value of e_n cannot .*, or take --noise unknown\."):
+    with refused(DataError, match=r"1 value of e_n cannot .*, or take --noise unknown\."):
         ifrfit.fit(impacts(BETA, E_N, few))
-    with pytest.raises(DataError, match=r"or more impacts at other angles\."):
+    with refused(DataError, match=r"or more impacts at other angles\."):
         ifrfit.fit(impacts(BETA, few | {"series": "run"}, name="alone.csv"))
 
 

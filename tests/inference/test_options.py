@@ -9,6 +9,7 @@ import emcee
 import numpy as np
 import pytest
 from extensions.method import Mode
+from refusals import refused
 from scipy import special
 from typer.testing import CliRunner
 
@@ -100,7 +101,7 @@ def test_a_keyword_that_does_not_exist_is_an_error_of_python():
     ],
 )
 def test_an_object_and_a_keyword_cannot_both_say_something(call, says):
-    with pytest.raises(UsageError, match=says):
+    with refused(UsageError, match=says):
         call()
 
 
@@ -129,7 +130,7 @@ def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
     ],
 )
 def test_a_wrong_combination_cannot_be_made(make, says):
-    with pytest.raises(UsageError, match=says):
+    with refused(UsageError, match=says):
         make()
 
 
@@ -223,7 +224,7 @@ def test_a_method_plugs_in(mode):
     assert found.constants == ifrfit.fit("cross-2019", method="lsq", fix={"e_n": 0.94}).constants
     assert "posterior mode" in found.summary()
     assert (title_of("mode"), label_of("mode")) == ("posterior mode", "mode")
-    with pytest.raises(UsageError, match="mode: plain errors only"):
+    with refused(UsageError, match="mode: plain errors only"):
         ifrfit.fit("cross-2019", method="mode", noise=Noise(tails="student-t"))
 
 
@@ -242,7 +243,7 @@ def test_a_method_and_its_options_are_on_the_command_line(mode):
 def test_a_method_that_is_gone_is_unknown():
     assert title_of("mode") == "mode"
     assert "--patience" not in run("fit", "--help").stdout
-    with pytest.raises(UsageError, match="There is no method 'mode'"):
+    with refused(UsageError, match="There is no method 'mode'"):
         ifrfit.fit("cross-2019", method="mode")
 
 

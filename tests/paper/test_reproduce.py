@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from refusals import refused
 from scipy.special import bdtr
 
 from ifrfit.data.catalogue import dataset_names, install, load_dataset, printed_constants
@@ -280,21 +281,21 @@ def test_digitised_only_leaves_out_stand_ins_and_theory_and_replaces_its_own_out
 
 
 def test_digitised_only_refuses_what_has_no_real_points(tmp_path):
-    with pytest.raises(UsageError, match=r"nothing of fig4a, fig4b rests on .*ifrfit datasets install"):
+    with refused(UsageError, match=r"nothing of fig4a, fig4b rests on .*ifrfit datasets install"):
         reproduce.reproduce(tmp_path / "out", figures=("4",), digitised_only=True)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_table_of_another_make_is_not_replaced(tmp_path):
     (tmp_path / "constants.csv").write_text("speed,of,light\n")
-    with pytest.raises(UsageError, match=r"constants\.csv is not a table of this command\. Choose another"):
+    with refused(UsageError, match=r"constants\.csv is not a table of this command\. Choose another"):
         reproduce.reproduce(tmp_path)
     assert contents(tmp_path) == {"constants.csv": b"speed,of,light\n"}
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "figures").write_text("")
-    with pytest.raises(UsageError, match=r"figures is a file\. Name a folder with --out\."):
+    with refused(UsageError, match=r"figures is a file\. Name a folder with --out\."):
         reproduce.reproduce(tmp_path / "figures")
 
 
@@ -305,10 +306,10 @@ def test_what_cannot_be_written_leaves_the_folder_as_it_was(tmp_path, monkeypatc
 
     (tmp_path / "notes.txt").write_text("mine")
     monkeypatch.setattr(reproduce, "save_svg_and_png", full)
-    with pytest.raises(UsageError, match=r"cannot be written \(No space left on device\)\. Choose another"):
+    with refused(UsageError, match=r"cannot be written \(No space left on device\)\. Choose another"):
         reproduce.reproduce(tmp_path, figures=("2",))
     assert contents(tmp_path) == {"notes.txt": b"mine"}
-    with pytest.raises(UsageError, match="cannot be written"):
+    with refused(UsageError, match="cannot be written"):
         reproduce.reproduce(tmp_path / "new" / "folder", figures=("2",))
     assert not (tmp_path / "new").exists()
 

@@ -14,6 +14,7 @@ from extensions.closure import GRIP
 from extensions.effect import BRAKE_SHARE, Brake
 from extensions.observable import SPIN_GAINED
 from factories import impacts_file, rest_long
+from refusals import refused
 from scipy.stats import kstest
 from toys import BEND, HALF_DROP, TILT, Rooted
 
@@ -178,7 +179,7 @@ def test_a_scene_takes_the_closure(fits: dict[str, Any], folder: Path, name: str
             observables=["beta"], constants='closure = "f"\nmu = 0.1\ne_n = 0.9\n' + f"{constant} = 0.5"
         )
     )
-    with pytest.raises(DataError, match=f"closure F has no {constant}; it takes e_n, mu"):
+    with refused(DataError, match=f"closure F has no {constant}; it takes e_n, mu"):
         ifrfit.simulate(scene)
 
 
@@ -259,7 +260,7 @@ def test_an_observable_is_read_and_fitted(folder: Path, observable: Any) -> None
 def test_an_observable_beyond_its_range_is_refused(folder: Path) -> None:
     path = folder / "wrong.csv"
     path.write_text("gamma_deg,observable,value\n10,tilt_deg,91\n20,half_v_n,0.2\n")
-    with pytest.raises(DataError, match=r"91 degrees is impossible for tilt_deg \(-90 to 90 degrees\)"):
+    with refused(DataError, match=r"91 degrees is impossible for tilt_deg \(-90 to 90 degrees\)"):
         ifrfit.read(path)
 
 
@@ -323,7 +324,7 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
     np.testing.assert_allclose(found.rebounds()["value"], 0.45, atol=0.01)
     assert "brake" in found.summary()
     scene.write_text(text + "[contact]\nbrake_share = 2\n")
-    with pytest.raises(DataError, match=r"contact\.brake_share: 2 is impossible \(0 to 1 in SI units\)"):
+    with refused(DataError, match=r"contact\.brake_share: 2 is impossible \(0 to 1 in SI units\)"):
         ifrfit.simulate(scene)
 
 
@@ -344,11 +345,11 @@ def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: 
 
 def test_refusals_list_what_is_registered(folder: Path) -> None:
     data = table(folder, GRIP)
-    with pytest.raises(UsageError, match=r"no closure 'x'\. Choose one of .*, grip, bend"):
+    with refused(UsageError, match=r"no closure 'x'\. Choose one of .*, grip, bend"):
         ifrfit.fit(data, closure="x")
-    with pytest.raises(UsageError, match=r"--tails x: choose gaussian or .*logistic"):
+    with refused(UsageError, match=r"--tails x: choose gaussian or .*logistic"):
         ifrfit.fit(data, noise=ifrfit.Noise(tails="x"))
-    with pytest.raises(UsageError, match=r"--format x: a report is html, .*toc; choose one of them"):
+    with refused(UsageError, match=r"--format x: a report is html, .*toc; choose one of them"):
         check_format("x", "--format x")
 
 
@@ -497,7 +498,7 @@ def test_a_law_that_does_not_contradict_itself_is_taken() -> None:
     ],
 )
 def test_an_entry_that_contradicts_itself_is_refused(entry: Any, words: str) -> None:
-    with pytest.raises(UsageError, match=words):
+    with refused(UsageError, match=words):
         ifrfit.register(entry)
 
 

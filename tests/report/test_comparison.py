@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from comparison_data import FOUR, not_converged, observations
 from factories import cut_off
+from refusals import refused
 
 from ifrfit import Noise
 from ifrfit.errors import UsageError
@@ -171,7 +172,7 @@ def test_folder_appears_whole_or_not_at_all(found, tmp_path, monkeypatch):
     out = tmp_path / "one"
     assert write_comparison(found, out, force=False) == ["compare.json", "compare.svg", "compare.png"]
     assert {path.name for path in out.iterdir()} == {"compare.json", "compare.svg", "compare.png"}
-    with pytest.raises(UsageError, match="holds an earlier comparison; add --force"):
+    with refused(UsageError, match="holds an earlier comparison; add --force"):
         write_comparison(found, out, force=False)
     monkeypatch.setattr(type(found), "plot", lambda self: 1 / 0)
     with pytest.raises(ZeroDivisionError):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from refusals import refused
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
@@ -32,9 +33,9 @@ def test_an_earlier_result_is_refused_and_kept(made, tmp_path):
     out = tmp_path / "a"
     write_folder(made.fine(), None, out, force=False)
     before = (out / "result.json").read_bytes()
-    with pytest.raises(UsageError) as caught:
+    with refused(UsageError) as caught:
         write_folder(made.stand_in(), APPRAISAL, out, force=False)
-    assert str(caught.value) == f"{out} holds an earlier result; add --force to replace it."
+    assert caught.value.in_shell == f"{out} holds an earlier result; add --force to replace it."
     assert (out / "result.json").read_bytes() == before
     assert names(out) == {"result.json"}
 
@@ -68,7 +69,7 @@ def test_a_figure_of_others_is_not_overwritten_without_force(made, tmp_path):
     out = tmp_path / "a"
     out.mkdir()
     (out / "fit.png").write_text("mine")
-    with pytest.raises(UsageError, match=r"holds a file fit\.png already; add --force to replace it, or"):
+    with refused(UsageError, match=r"holds a file fit\.png already; add --force to replace it, or"):
         write_folder(made.fine(), APPRAISAL, out, force=False)
     assert (out / "fit.png").read_text() == "mine"
 
@@ -114,9 +115,9 @@ def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkey
         return rename(self, target)
 
     monkeypatch.setattr(Path, "rename", fail)
-    with pytest.raises(UsageError) as caught:
+    with refused(UsageError) as caught:
         write_folder(made.stand_in(), None, out, force=True)
-    assert str(caught.value) == (
+    assert caught.value.in_shell == (
         f"{out}: cannot be written (No space left on device). Choose another folder with --out."
     )
     assert names(tmp_path) == {"a"}
@@ -125,8 +126,8 @@ def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkey
 
 def test_a_file_in_the_way(made, tmp_path):
     (tmp_path / "a").write_text("")
-    with pytest.raises(UsageError) as caught:
+    with refused(UsageError) as caught:
         write_folder(made.fine(), APPRAISAL, tmp_path / "a", force=True)
-    assert str(caught.value) == f"{tmp_path / 'a'} is a file. Name a folder with --out."
-    with pytest.raises(UsageError, match=r"cannot be written \(.+\)\. Choose another folder with --out\."):
+    assert caught.value.in_shell == f"{tmp_path / 'a'} is a file. Name a folder with --out."
+    with refused(UsageError, match=r"cannot be written \(.+\)\. Choose another folder with --out\."):
         write_folder(made.fine(), APPRAISAL, tmp_path / "a" / "b", force=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from factories import assert_golden
+from refusals import refused
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
@@ -276,9 +277,9 @@ def test_latex_escapes_what_comes_from_data(made):
 
 
 def test_unknown_style(made):
-    with pytest.raises(UsageError) as caught:
+    with refused(UsageError) as caught:
         summary(made.fine(), "word")
-    assert str(caught.value) == "There is no summary style 'word'. Choose one of text, markdown, latex."
+    assert caught.value.in_shell == "There is no summary style 'word'. Choose one of text, markdown, latex."
 
 
 def test_every_fact_that_may_fail_has_words_for_the_first_line():

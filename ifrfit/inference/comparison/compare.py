@@ -84,6 +84,13 @@ def compare(
     The evidence is the integral of the likelihood over the normalised prior, by the quadrature of the exact
     posterior. Posterior probabilities take all closures as equally probable before. How far the evidence
     rests on the widths of the priors is in `Comparison.priors`.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> both = ifrfit.compare("cornell-glass", ["ifr", "f"], loo=False)
+    >>> both.ranked
+    ('ifr', 'f')
     """
     if "method" in keywords or "closure" in keywords:
         raise UsageError(

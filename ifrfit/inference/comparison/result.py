@@ -239,6 +239,16 @@ class Comparison(Display):
     verdict : Verdict
     notes : tuple of str
         What was applied to which closure, and what the reader should know.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> both = ifrfit.compare("cornell-glass", ["ifr", "fr"], loo=False)
+    >>> both.table()[["free", "rank"]]
+             free  rank
+    closure
+    ifr         3     3
+    fr          3     3
     """
 
     entries: Mapping[str, Entry]

@@ -31,6 +31,15 @@ def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0
     lmfit.Model
         Independent variables gamma (degrees), spin_x, spin_y (default 0); parameters are the constants of
         the closure with hints for the passive domain.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> model = ifrfit.lmfit_model("beta")
+    >>> model.param_names
+    ['e_n', 'e_t', 'mu']
+    >>> model.eval(gamma=20.0, e_n=0.9, e_t=-0.7, mu=0.15).round(3).item()
+    0.7
     """
     import lmfit
 

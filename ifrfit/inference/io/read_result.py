@@ -41,6 +41,16 @@ def load_result(path: str | Path) -> FitResult:
     ------
     DataError
         If the file is missing, not JSON, not a result, or of an unknown schema version; names file and key.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     ifrfit.fit("cornell-glass").save(f"{folder}/result.json")
+    ...     again = ifrfit.load_result(f"{folder}/result.json")
+    >>> f"{again.constants.mu:.2uS}"
+    '0.0894(88)'
     """
     path = Path(path)
     try:

@@ -79,7 +79,14 @@ class PriorLaw:
 
 @dataclass(frozen=True)
 class Normal(PriorLaw):
-    """The normal law, cut off at the domain of its constant: what a tuple (mean, sd) means, too."""
+    """The normal law, cut off at the domain of its constant: what a tuple (mean, sd) means, too.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.Normal(0.12, 0.01)}).constants.mu.status
+    'determined'
+    """
 
     mean: float
     sd: float
@@ -95,7 +102,14 @@ class Normal(PriorLaw):
 
 @dataclass(frozen=True)
 class TruncatedNormal(Normal):
-    """The normal law between two ends."""
+    """The normal law between two ends.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.TruncatedNormal(0.12, 0.01, 0.1, 0.14)}).constants.mu.status
+    'one_sided'
+    """
 
     lower: float
     upper: float
@@ -113,7 +127,14 @@ class TruncatedNormal(Normal):
 
 @dataclass(frozen=True)
 class HalfNormal(PriorLaw):
-    """The normal law about 0, of a constant that cannot be negative."""
+    """The normal law about 0, of a constant that cannot be negative.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.HalfNormal(0.2)}).constants.mu.status
+    'determined'
+    """
 
     sd: float
     name: ClassVar[str] = "halfnormal"
@@ -130,7 +151,14 @@ class HalfNormal(PriorLaw):
 
 @dataclass(frozen=True)
 class Uniform(PriorLaw):
-    """Equally probable between two ends, which are the bounds of the constant."""
+    """Equally probable between two ends, which are the bounds of the constant.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.Uniform(0.05, 0.2)}).constants.mu.status
+    'determined'
+    """
 
     lower: float
     upper: float
@@ -158,6 +186,12 @@ class LogNormal(PriorLaw):
         Positive.
     log_sd : float
         sd of the natural logarithm: 0.1 is about 10 %.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.LogNormal(0.12, 0.1)}).constants.mu.status
+    'determined'
     """
 
     median: float
@@ -212,6 +246,12 @@ class Beta(PriorLaw):
     a, b : float
         At least 1, so that the density is finite: proportional to t^(a-1) (1-t)^(b-1), t from 0 to 1 over the
         domain.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> ifrfit.fit("cornell-glass", prior={"e_n": ifrfit.Beta(2.0, 2.0)}).constants.e_n.status
+    'determined'
     """
 
     a: float

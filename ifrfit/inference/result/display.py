@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_HIDDEN = ("drawn_by", "appraised_by")
+_HIDDEN = ("drawn_by", "appraised_by", "compared_by")
 
 
 class Renderer(Protocol):
@@ -34,11 +34,13 @@ class Display:
     """Text, figure and notebook table of a result, drawn by the package that `drawn_by` names.
 
     What a report shows beyond the result itself is worked out by the module that `appraised_by` names, by its
-    function ``appraise``; empty where there is nothing beyond it.
+    function ``appraise``; and other closures for the same data by that of `compared_by`, by
+    ``compare_result``. Empty where there is nothing beyond it.
     """
 
     drawn_by: ClassVar[str]
     appraised_by: ClassVar[str] = ""
+    compared_by: ClassVar[str] = ""
 
     def summary(self) -> str:
         """The result as text for a terminal, at most 100 columns."""
@@ -71,3 +73,6 @@ class Display:
 
     def _appraisal(self) -> Any:
         return import_module(self.appraised_by).appraise(self)
+
+    def _comparison(self) -> Any:
+        return import_module(self.compared_by).compare_result(self)

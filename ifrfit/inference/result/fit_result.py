@@ -59,10 +59,22 @@ class FitResult(Findings, Display):
     """What a fit found, and what can be made of it: predictions, files, reports, objects of other libraries.
 
     Its values are those of `Findings`; `to_dict` gives exactly result.json.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> fit = ifrfit.fit("cornell-glass")
+    >>> fit.constants.e_n.interval95
+    (0.9583503150620506, 0.990268706266822)
+    >>> fit.predict([20.0, 60.0], observable="beta_cm")[["value", "lo95", "hi95"]].round(3)
+       value   lo95   hi95
+    0 -0.590 -0.600 -0.565
+    1 -0.888 -0.906 -0.862
     """
 
     drawn_by: ClassVar[str] = "ifrfit.report"
     appraised_by: ClassVar[str] = "ifrfit.inference.appraise"
+    compared_by: ClassVar[str] = "ifrfit.inference.comparison.compare"
 
     def _headline(self) -> str:
         constants = ", ".join(f"{name} {found:.2uS}" for name, found in by_entry(self.constants).items())
@@ -299,9 +311,7 @@ class FitResult(Findings, Display):
         UsageError, DataError
             As `compare`.
         """
-        from ifrfit.inference.comparison.compare import compare_result
-
-        return self._renderer().plot_compare(compare_result(self), ax)
+        return self._renderer().plot_compare(self._comparison(), ax)
 
     def _profile(self, name: str) -> Any:
         profiles = self.profiles

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from json_schemas import validator
+from refusals import refused
 
 import ifrfit
 from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
@@ -129,7 +130,7 @@ def test_what_exact_refuses_goes_to_chains_with_the_reason():
 
 
 def test_what_exact_refuses_stays_refused_where_the_user_insists():
-    with pytest.raises(UsageError, match="The exact posterior needs beta0"):
+    with refused(UsageError, match="The exact posterior needs beta0"):
         ifrfit.fit("cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, method=Exact(0.1), **CROSS)
 
 
@@ -151,9 +152,9 @@ def test_absurd_chains_are_refused_with_what_is_reachable():
 
 @pytest.mark.parametrize("given", [{"max_steps": 500}, {"replicates": 500}, {"resume": "nix"}])
 def test_settings_of_ones_own_are_refused(given):
-    with pytest.raises(UsageError, match="pick the settings themselves: leave --"):
+    with refused(UsageError, match="pick the settings themselves: leave --"):
         make_estimator(None, {"accuracy": 1e-2, **given})
-    with pytest.raises(UsageError, match=r"pick the settings themselves|--replicates belongs to"):
+    with refused(UsageError, match=r"pick the settings themselves|--replicates belongs to"):
         make_estimator("mcmc", {"accuracy": 1e-2, **given})
 
 

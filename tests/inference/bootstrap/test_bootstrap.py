@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 from bootstrap_scenes import TRUTH, fitted, scene, with_values
+from refusals import refused
 from scipy import stats
 
 from ifrfit.errors import UsageError
@@ -176,7 +177,7 @@ def test_bounds_hold_in_every_replicate() -> None:
 
 def test_numbers_that_make_no_sense_are_refused() -> None:
     problem, found = fitted(scene(12))
-    with pytest.raises(UsageError, match="--replicates 99: choose from 100 to 1,000,000"):
+    with refused(UsageError, match="--replicates 99: choose from 100 to 1,000,000"):
         bootstrap(problem, found, replicates=99)
-    with pytest.raises(UsageError, match="--workers 0"):
+    with refused(UsageError, match="--workers 0"):
         bootstrap(problem, found, workers=0)

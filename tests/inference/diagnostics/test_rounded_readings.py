@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from factories import at_most, rest_long
+from refusals import refused
 
 import ifrfit
 from ifrfit.errors import DataError
@@ -55,9 +56,9 @@ def test_a_given_sigma_below_the_steps_is_named(tmp_path):
 
 def test_equal_readings_are_refused_for_their_rounding(tmp_path):
     path = table(tmp_path / "t.csv", 0.9, 0.0005, 0)
-    with pytest.raises(DataError, match=r"all 30 values of e_n are 0.9, rounded or copied") as refused:
+    with refused(DataError, match=r"all 30 values of e_n are 0.9, rounded or copied") as said:
         fit(path, method="lsq")
-    assert "--observable beta --fix e_n=0.9" in str(refused.value)
+    assert "--observable beta --fix e_n=0.9" in said.value.in_shell
     assert (
         fit(path, method="lsq", observable=["beta"], fix={"e_n": 0.9}).constants["mu"].status == "determined"
     )

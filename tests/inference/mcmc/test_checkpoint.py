@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcmc_targets import Normal
+from refusals import refused
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc import Chains, begin, run
@@ -31,20 +32,20 @@ def test_there_and_back(chains: Chains, tmp_path: Path) -> None:
 
 
 def test_no_chains(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there are no chains to resume"):
+    with refused(UsageError, match="there are no chains to resume"):
         load_chains(tmp_path, "q")
 
 
 def test_chains_of_another_question(chains: Chains, tmp_path: Path) -> None:
     save_chains(tmp_path / FILE, chains, "q")
-    with pytest.raises(UsageError, match="other data, choices or another seed"):
+    with refused(UsageError, match="other data, choices or another seed"):
         load_chains(tmp_path, "another")
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04 no archive", b"\x80\x04."])
 def test_damaged_files(content: bytes, tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(content)
-    with pytest.raises(DataError, match="cannot be read as chains"):
+    with refused(DataError, match="cannot be read as chains"):
         load_chains(tmp_path, "q")
 
 
@@ -71,7 +72,7 @@ def test_arrays_that_do_not_fit_together(
     chains: Chains, tmp_path: Path, change: dict[str, np.ndarray]
 ) -> None:
     np.savez(tmp_path / FILE, **(arrays(chains, tmp_path) | change))
-    with pytest.raises(DataError, match="Run again without --resume"):
+    with refused(DataError, match="Run again without --resume"):
         load_chains(tmp_path, "q")
 
 
@@ -79,11 +80,11 @@ def test_a_missing_array(chains: Chains, tmp_path: Path) -> None:
     content = arrays(chains, tmp_path)
     del content["key"]
     np.savez(tmp_path / FILE, **content)
-    with pytest.raises(DataError, match="do not fit together"):
+    with refused(DataError, match="do not fit together"):
         load_chains(tmp_path, "q")
 
 
 def test_objects_are_never_unpacked(chains: Chains, tmp_path: Path) -> None:
     np.savez(tmp_path / FILE, **(arrays(chains, tmp_path) | {"at": np.array([{}], dtype=object)}))
-    with pytest.raises(DataError, match="cannot be read as chains"):
+    with refused(DataError, match="cannot be read as chains"):
         load_chains(tmp_path, "q")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 import ifrfit
 from ifrfit.data import Descriptor
@@ -140,7 +141,7 @@ def test_of_a_scene_file(scene, impacts):
 )
 def test_contradictions_are_refused(scene, parts, says):
     data = described({"diameter_mm": {"value": 5}, "wall": "soda-lime glass", "material": "glass"})
-    with pytest.raises(DataError, match=says):
+    with refused(DataError, match=says):
         setting_of(data, 0.4, scene(*parts))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from factories import impacts_file
+from refusals import refused
 from simulated import simulated
 
 import ifrfit
@@ -82,9 +83,9 @@ def test_the_same_seed_gives_the_same_result(sampled: ifrfit.FitResult, table: P
 
 
 def test_integrators_that_do_not_exist_or_contradict_are_refused() -> None:
-    with pytest.raises(UsageError, match="--integrator grid: choose automatic, quadrature, sampling"):
+    with refused(UsageError, match="--integrator grid: choose automatic, quadrature, sampling"):
         Exact(integrator="grid")
-    with pytest.raises(UsageError, match="integrator"):
+    with refused(UsageError, match="integrator"):
         Exact(integrator="sampling", accuracy=1e-3)
 
 
@@ -156,7 +157,7 @@ def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypat
     problem = ifrfit.fit(path, fix={"e_n": 0.9}, method="lsq").problem
     assert np.isfinite(log_evidence(problem))
     _never_converges(monkeypatch)
-    with pytest.raises(UsageError, match="did not converge"):
+    with refused(UsageError, match="did not converge"):
         log_evidence(problem)
 
 

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from refusals import refused
 from streams import folder_of, impacts
 
 import ifrfit
@@ -152,7 +153,7 @@ def test_a_damaged_part_and_a_full_disk_are_told(tmp_path, monkeypatch):
     part = min((tmp_path / "out.unfinished").iterdir())
     whole = part.read_bytes()
     part.write_bytes(whole[:100])
-    with pytest.raises(UsageError, match=r"part-.*damaged\. Remove it"):
+    with refused(UsageError, match=r"part-.*damaged\. Remove it"):
         ifrfit.fit(folder, method=LeastSquares(resume=out))
     part.unlink()
 
@@ -160,7 +161,7 @@ def test_a_damaged_part_and_a_full_disk_are_told(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(unfinished_pass.np, "savez", full)
-    with pytest.raises(UsageError, match="No space left on device"):
+    with refused(UsageError, match="No space left on device"):
         ifrfit.fit(folder, method=LeastSquares(resume=out))
     assert not list((tmp_path / "out.unfinished").glob("*.new"))
 
@@ -168,7 +169,7 @@ def test_a_damaged_part_and_a_full_disk_are_told(tmp_path, monkeypatch):
 def test_what_is_kept_needs_a_folder(tmp_path):
     folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
     (tmp_path / "out.unfinished").write_text("mine", encoding="utf-8")
-    with pytest.raises(UsageError, match="cannot be written"):
+    with refused(UsageError, match="cannot be written"):
         ifrfit.fit(folder, method=LeastSquares(resume=tmp_path / "out"))
     assert (tmp_path / "out.unfinished").read_text(encoding="utf-8") == "mine"
 
@@ -179,7 +180,7 @@ def test_a_file_that_changes_while_it_is_read(tmp_path):
     def progress(done, most):
         os.utime(folder / "2.parquet", (1, 1))
 
-    with pytest.raises(DataError, match=r"2\.parquet: it changed while it was read"):
+    with refused(DataError, match=r"2\.parquet: it changed while it was read"):
         ifrfit.fit(folder, method="lsq", progress=progress)
 
 
@@ -204,9 +205,9 @@ def test_what_is_asked_of_data_in_memory(tmp_path):
         ({"scheduler": "tcp://x:1"}, "--scheduler"),
         ({"resume": "x"}, "--resume"),
     ):
-        with pytest.raises(UsageError, match=f"{option}: these data are held in memory"):
+        with refused(UsageError, match=f"{option}: these data are held in memory"):
             ifrfit.fit(tmp_path / "few.csv", method=Exact(**given))
-    with pytest.raises(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
+    with refused(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
         pass
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from dying_workers import dying_always, dying_once, row_of
+from refusals import refused
 from streams import folder_of, impacts
 
 import ifrfit
@@ -99,15 +100,15 @@ def test_what_kills_each_worker_is_lost_alone(local):
 
 def test_other_versions_are_refused(local, monkeypatch):
     monkeypatch.setattr(crews, "__version__", "99.0")
-    with pytest.raises(UsageError, match=r"a worker has ifrfit .*, this is 99\.0"), crew_of(1, local):
+    with refused(UsageError, match=r"a worker has ifrfit .*, this is 99\.0"), crew_of(1, local):
         pass
 
 
 def test_nobody_answers(monkeypatch):
     monkeypatch.setattr(crews, "_ANSWERS_WITHIN", 0.3)
-    with pytest.raises(UsageError, match="no scheduler answers there"), crew_of(1, "tcp://127.0.0.1:9"):
+    with refused(UsageError, match="no scheduler answers there"), crew_of(1, "tcp://127.0.0.1:9"):
         pass
-    with pytest.raises(UsageError, match="no scheduler answers there"), crew_of(1, "nonsense"):
+    with refused(UsageError, match="no scheduler answers there"), crew_of(1, "nonsense"):
         pass
 
 
@@ -145,7 +146,7 @@ def test_scheduler_and_workers_of_the_command_line(tmp_path, port, small_portion
     method = LeastSquares(scheduler=address, resume=out)
     quick = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
     with started("scheduler", "--port", f"{port}", "--dashboard-address", "127.0.0.1:0") as scheduler:
-        with pytest.raises(UsageError, match="it has no workers"):
+        with refused(UsageError, match="it has no workers"):
             ifrfit.fit(folder, method=method)
         monkeypatch.setattr(crews, "_WORKERS_WITHIN", 60)
         with started("worker", address, *quick) as one, started("worker", address, *quick):
@@ -161,7 +162,7 @@ def test_scheduler_and_workers_of_the_command_line(tmp_path, port, small_portion
 
             assert record_of(ifrfit.fit(folder, method=method, progress=killing(one))) == alone
             assert killed.pop() is one
-            with pytest.raises(UsageError, match="the scheduler is gone"):
+            with refused(UsageError, match="the scheduler is gone"):
                 ifrfit.fit(folder, method=method, progress=killing(scheduler))
     assert list((tmp_path / "out.unfinished").iterdir())
     assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out))) == alone

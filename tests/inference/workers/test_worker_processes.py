@@ -13,6 +13,7 @@ from extensions.closure import GRIP
 from extensions.error_law import Logistic
 from extensions.observable import SPIN_GAINED
 from factories import impacts_file
+from refusals import refused
 
 import ifrfit
 from ifrfit import MCMC, Bootstrap, UsageError
@@ -79,5 +80,5 @@ class Named(Logistic):
 )
 def test_an_entry_that_other_processes_cannot_import_is_refused(entry: object, kind: str) -> None:
     says = f"--workers 2: other processes cannot import the {kind} '.*', which was registered here. Define it"
-    with registered(entry), pytest.raises(UsageError, match=says), worker_processes(2):
+    with registered(entry), refused(UsageError, match=says), worker_processes(2):
         pass

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 from ifrfit.errors import UsageError
 from ifrfit.registry import registered
@@ -31,7 +32,7 @@ def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisal
     write_report(results("lsq"), appraisals("lsq"), path)
     assert path.read_bytes() == first
     path.write_bytes(b"mine")
-    with pytest.raises(UsageError, match="is not a report of ifrfit; add --force to replace it"):
+    with refused(UsageError, match="is not a report of ifrfit; add --force to replace it"):
         write_report(results("lsq"), appraisals("lsq"), path)
     assert path.read_bytes() == b"mine"
     write_report(results("lsq"), appraisals("lsq"), path, force=True)
@@ -43,7 +44,7 @@ def test_a_format_without_the_mark_is_not_replaced(results, appraisals, tmp_path
     """Control: what each of `FORMATS` must put at the beginning of its file."""
     with registered(ReportFormat("bare", lambda report, stem: {f"{stem}.bare": b"bare"})):
         write_report(results("lsq"), appraisals("lsq"), tmp_path / "report.bare")
-        with pytest.raises(UsageError, match="is not a report of ifrfit"):
+        with refused(UsageError, match="is not a report of ifrfit"):
             write_report(results("lsq"), appraisals("lsq"), tmp_path / "report.bare")
     assert GENERATOR.encode() not in (tmp_path / "report.bare").read_bytes()
 
@@ -51,7 +52,7 @@ def test_a_format_without_the_mark_is_not_replaced(results, appraisals, tmp_path
 @pytest.mark.usefixtures("small_page")
 def test_a_folder_that_cannot_be_written_is_said(results, appraisals, tmp_path):
     (tmp_path / "taken").write_text("a file")
-    with pytest.raises(UsageError, match=r"taken is a file\. Name a folder with --out"):
+    with refused(UsageError, match=r"taken is a file\. Name a folder with --out"):
         write_report(results("lsq"), appraisals("lsq"), tmp_path / "taken" / "report.md")
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
 
@@ -100,7 +101,7 @@ def test_a_batch_has_an_index_of_all(results, appraisals, tmp_path):
         "index.html", "one.md", "one-figures", "two.md", "two-figures"
     }  # fmt: skip
     (out / "two.md").write_text("mine")
-    with pytest.raises(UsageError, match="is not a report"):
+    with refused(UsageError, match="is not a report"):
         write_batch(some, lambda _: appraisals("lsq"), out, suffix="md")
     assert (out / "two.md").read_text() == "mine"
 

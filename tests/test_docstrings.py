@@ -1,0 +1,34 @@
+"""Every public name ends its docstring with an example, and the examples run as they stand."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import inspect
+from pathlib import Path
+
+import pytest
+
+import ifrfit
+
+NAMES = sorted(name for name in ifrfit.__all__ if not name.startswith("_"))
+OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
+
+
+def test_names_are_those_of_the_stub():
+    stub = Path(ifrfit.__file__).with_suffix(".pyi")
+    imported = [n for node in ast.parse(stub.read_text("utf-8")).body for n in getattr(node, "names", ())]
+    assert sorted(each.asname for each in imported if not each.asname.startswith("_")) == NAMES
+    assert len(NAMES) >= 28
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_example_runs(name):
+    text = inspect.getdoc(getattr(ifrfit, name)) or ""
+    assert "\nExamples\n--------\n>>> import ifrfit\n" in text, f"{name} has no example"
+    assert text.rpartition("\nExamples\n")[2].count("\n---") <= 1, f"the example of {name} comes last"
+    found = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    assert len(found.examples) >= 2
+    said: list[str] = []
+    result = doctest.DocTestRunner(optionflags=OPTIONS).run(found, out=said.append)
+    assert result.failed == 0, "".join(said)
