@@ -38,7 +38,7 @@ def shown(found: Mapping[str, Costs]) -> list[str]:
     """The diagrams of inference and their sentences, for the README."""
     names = list(found)
     pictures = [
-        f"![{name}: error against time of every method of inference](docs/cost/{name}/cost-inference.svg)"
+        f"![{name}: error against time of every method of inference](cost/{name}/cost-inference.svg)"
         for name in names
     ]
     heads = [f"{name}, {_provenance(found[name])}" for name in names]
@@ -64,7 +64,7 @@ def main() -> None:
     parser.add_argument("--kind", action="append", default=[], choices=KINDS, help="by default all")
     parser.add_argument("--quick", action="store_true", help="fewer settings and repeats")
     parser.add_argument("--out", type=Path, help="folder; benchmarks/results/cost if not given")
-    parser.add_argument("--readme", action="store_true", help="results to docs/cost, sentences to the README")
+    parser.add_argument("--readme", action="store_true", help="results to docs/cost, sentences to docs/cost.md")
     options = parser.parse_args()
     if options.readme and (options.out or (options.kind and "inference" not in options.kind)):
         parser.error("--readme shows inference, from docs/cost: leave --out out, and --kind or add inference")
@@ -75,7 +75,7 @@ def main() -> None:
         found[name] = measure(name, options.kind, options.quick)
         found[name].save(out / name, force=True)
     if options.readme:
-        put_into_readme("cost", shown(found), ROOT / "README.md")
+        put_into_readme("cost", shown(found), ROOT / "docs" / "cost.md")
 
 
 if __name__ == "__main__":

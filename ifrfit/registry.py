@@ -205,7 +205,7 @@ def register(entry: T) -> T:
     >>> ifrfit.register(3)
     Traceback (most recent call last):
         ...
-    ifrfit.errors.UsageError: int is nothing that can be registered: it is no closure, observable, law of errors, effect, method, report section, report format.
+    ifrfit.errors.UsageError: int is nothing that can be registered: it is no closure, observable, ...
     """
     return _registry_of(entry).add(entry, replaces=True)
 

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from typer.testing import CliRunner
 
 import ifrfit
+from ifrfit.cli.main import app
+from ifrfit.inference.model.prior_laws import read_law
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -17,11 +23,30 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def test_the_fit_that_is_shown_is_the_fit_that_is_made():
     found = ifrfit.fit("cornell-glass")
-    shown = re.search(r"    closure IFR.*?(?=\n`--out`)", README, re.DOTALL)
+    shown = re.search(r"    closure IFR.*?(?=\nWhat follows)", README, re.DOTALL)
     assert shown is not None
     lines = [line[4:].rstrip() for line in shown.group().rstrip().splitlines()]
     made = "\n".join(line.rstrip() for line in found.summary().splitlines())
-    assert made.endswith("\n".join(lines))
+    assert "\n".join(lines) in made
+    assert "LOOK" not in made  # all well, as the README says of what follows
+
+
+def test_it_is_short():
+    assert len(README.splitlines()) <= 120
+
+
+def test_the_shell_example_runs(impacts, tmp_path, monkeypatch):
+    path = impacts(gamma=np.linspace(5, 85, 30), noise=0.03, sigma=0.03)
+    monkeypatch.chdir(tmp_path)
+    lines = re.findall(r"^    \$ (ifrfit .*)$", README.partition("## Your own table")[2], re.MULTILINE)
+    assert len(lines) == 10
+    runner = CliRunner()
+    for line in lines:
+        words = shlex.split(line.partition("#")[0].partition(">")[0])[1:]
+        words = [str(path) if word == "my.csv" else word for word in words]
+        words = [str(ROOT / word) if word.startswith("docs/") else word for word in words]
+        found = runner.invoke(app, words)
+        assert found.exit_code == 0, (line, found.output)
 
 
 def test_the_first_example_is_real_and_says_what_reproduce_finds_in_the_authors_closure():
@@ -46,12 +71,58 @@ def test_the_first_example_is_real_and_says_what_reproduce_finds_in_the_authors_
 def test_the_library_example_runs(impacts, tmp_path, monkeypatch):
     impacts(gamma=np.linspace(5, 85, 30), noise=0.03, sigma=0.03)  # writes impacts.csv
     monkeypatch.chdir(tmp_path)
-    example = re.search(r"```python\n(.*?)```", README, re.DOTALL)
-    assert example is not None
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     names: dict[str, object] = {}
-    exec(example.group(1), names)
+    exec(example, names)
     assert (tmp_path / "result.json").exists()
     assert names["fit"].constants["e_t"].status in ("determined", "one_sided")
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text("utf-8"), re.DOTALL)
+    assert len(examples) == 3
+    for each in examples:
+        exec(each, names)
+    pyplot.close("all")
+
+
+def test_the_table_of_priors_is_that_of_the_laws():
+    page = (ROOT / "docs" / "priors.md").read_text("utf-8")
+    for in_python, in_shell in re.findall(r"`(\w+\([^`]*\))` \| `--prior \w+=([a-z]+:[^`]*)`", page):
+        law = eval(f"ifrfit.{in_python}")
+        assert read_law(in_shell) == law
+    assert len(re.findall(r"--prior \w+=[a-z]+:", page)) == 5
+
+
+@pytest.mark.parametrize(
+    "row", [r"log-normal", r"Student's t", r"errors of angles, effective", r"set or measured"]
+)
+def test_the_table_of_methods_is_what_they_do(row):
+    page = (ROOT / "docs" / "priors.md").read_text("utf-8")
+    (line,) = re.findall(rf"^\| [^|]*{row}[^|]*\|(.*)\|$", page, re.MULTILINE)
+    data = {
+        "gamma_deg": np.linspace(5.0, 80.0, 20),
+        "beta": ifrfit.rebound(np.linspace(5.0, 80.0, 20), e_n=0.9, e_t=-0.7, mu=0.15, degrees=True).beta,
+        "sigma": 0.02,
+    }
+    angles = {"errors of angles, effective": "effective", "set or measured": "set"}.get(row)
+    noise = ifrfit.Noise(
+        "known",
+        tails="student-t" if row.startswith("Student") else "gaussian",
+        angles=None if angles is None else ifrfit.AngleErrors(angles, sigma_deg=1.0),
+    )
+    prior = {"mu": ifrfit.LogNormal(0.15, 0.1)} if row == "log-normal" else {}
+    for method, said in zip(("exact", "lsq", "profile", "bootstrap"), _of_methods(line), strict=True):
+        asked = partial(ifrfit.fit, data, fix={"e_n": 0.9}, prior=prior, noise=noise, method=method)
+        if said == "refused":
+            with pytest.raises(ifrfit.UsageError):
+                asked()
+        else:
+            assert asked().method == method
+
+
+def _of_methods(line):
+    """What a line of the table says of exact, lsq, profile and bootstrap; mcmc takes long and does all."""
+    exact, mcmc, *others, _ = (cell.strip() for cell in line.split("|"))
+    assert mcmc == "yes"
+    return exact, *others
 
 
 def test_every_file_that_is_linked_exists():

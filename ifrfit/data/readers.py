@@ -66,7 +66,8 @@ def read(
     Examples
     --------
     >>> import ifrfit
-    >>> ifrfit.read({"alpha_deg": [80, 50, 20], "beta": [0.40, 0.35, -0.41]}, convention="angle=alpha_deg:from-wall")
+    >>> table = {"alpha_deg": [80, 50, 20], "beta": [0.40, 0.35, -0.41]}
+    >>> ifrfit.read(table, convention="angle=alpha_deg:from-wall")
     Observations(table: 3 rows of beta; provenance not stated)
     """
     conventions = parse_conventions(convention)

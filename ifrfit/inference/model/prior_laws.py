@@ -107,7 +107,8 @@ class TruncatedNormal(Normal):
     Examples
     --------
     >>> import ifrfit
-    >>> ifrfit.fit("cornell-glass", prior={"mu": ifrfit.TruncatedNormal(0.12, 0.01, 0.1, 0.14)}).constants.mu.status
+    >>> law = ifrfit.TruncatedNormal(0.12, 0.01, 0.1, 0.14)
+    >>> ifrfit.fit("cornell-glass", prior={"mu": law}).constants.mu.status
     'one_sided'
     """
 
