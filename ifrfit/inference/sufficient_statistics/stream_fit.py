@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import observe
@@ -21,6 +22,7 @@ from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
@@ -41,7 +43,8 @@ from ifrfit.physics.observables import OBSERVABLES
 SampleFit = Callable[[Observations], FitResult]
 
 _MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
-_METHODS = ("exact", "lsq")
+_METHODS = ("exact", "lsq", "profile")
+_SHOWN = 0.997  # level up to which a profile is looked at
 
 
 def fit_stream(
@@ -69,7 +72,7 @@ def fit_stream(
     policy : {"known", "unknown"} or None
         None: known where every observable has a column of uncertainties.
     estimator : Estimator
-        exact or lsq.
+        exact, lsq or profile.
     fit_sample : callable
         Fits a sample that is held in memory, for the facts that look at single rows.
     separate_noise : bool
@@ -107,6 +110,8 @@ def fit_stream(
     if not problem.has_oblique:
         assumed = ()
     estimation = estimator.run(problem, optimum, seed=seed, progress=None)
+    if estimation.profiles:
+        _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
     sample = _sample(of, fit_sample)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
@@ -155,7 +160,18 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
         raise UsageError(f"--noise {policy}: data that are not held in memory take known or unknown.")
     if estimator.name not in _METHODS:
         raise UsageError(
-            f"--method {estimator.name}: data that are not held in memory take {' or '.join(_METHODS)}."
+            f"--method {estimator.name}: data that are not held in memory take {joined(_METHODS, 'or')}."
+        )
+
+
+def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> None:
+    """Refuse profiles that would have to be followed to where impacts do not stand for themselves."""
+    highest = max(profile.cut(_SHOWN) for profile in estimation.profiles.values())
+    if least <= highest:
+        raise DataError(
+            f"{path}: a profile is drawn to a rise of {highest:.3g}, and the sums prove it only to "
+            f"{least:.3g}, because an unknown noise rests on so few values. Fit a part of the data in memory, "
+            "or take --method exact."
         )
 
 

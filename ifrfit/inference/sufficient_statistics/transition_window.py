@@ -18,6 +18,7 @@ from ifrfit.inference.model.parameters import Parameter, ParameterSet
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import N
@@ -33,6 +34,7 @@ Mask = NDArray[np.bool_]
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
 _MOST_ROWS = 2_000_000  # that are fetched
 _PASSES = 4
+_LEAST = 1e-300  # sum of squares whose logarithm is taken
 MEAN, SCATTER = "mean of an interval", "scatter within intervals"  # what condensed rows are
 
 
@@ -53,7 +55,7 @@ class Question:
         for _ in range(_PASSES):
             problem = self.problem(rows, fetched)
             optimum = least_squares(problem)
-            needed = self.bounds() < self.value(problem, optimum) + FAR
+            needed = self.bounds() < self.value(problem, optimum.optimum.theta) + FAR
             if not (needed & ~fetched).any():
                 return problem, optimum, fetched
             fetched |= _with_neighbours(needed)
@@ -176,11 +178,8 @@ class Question:
             found[name] = (low, max(1.0, *(known.largest_value for known in groups)))
         return found
 
-    def bounds(self, spread: float = 1.0) -> Array:
-        """Least value with the transition of a series in each interval, (series, bins), see `value`.
-
-        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
-        """
+    def _least(self, spread: float) -> Array:
+        """Least misfit of each group with the transition in each interval, (series, observables, bins)."""
         of = self.of
         series, observables = len(of.series), of.stream.observables
         constants = ParameterSet(self.parameters, tuple(of.series))
@@ -199,8 +198,17 @@ class Question:
                     domain,
                     spread,
                 )
+        return least
+
+    def bounds(self, spread: float = 1.0) -> Array:
+        """Least value with the transition of a series in each interval, (series, bins), see `value`.
+
+        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
+        """
+        least = self._least(spread)
+        series = len(least)
         together = not any(p.separate for p in self.parameters)
-        found = np.empty((series, of.bins))
+        found = np.empty((series, self.of.bins))
         for number in range(series):
             # a series whose constants are its own has its transition where it likes
             others = (
@@ -214,6 +222,11 @@ class Question:
         """The misfit of all groups, (bins,), from that of each, (series, observables, bins)."""
         if self.noise == "known":
             return np.asarray(least.sum(axis=(0, 1)))
+        parts = self._by_noise(least)
+        return np.asarray(sum(n * np.log(np.maximum(q, _LEAST) / n) for q, n in parts))
+
+    def _by_noise(self, least: Array) -> list[tuple[Array, float]]:
+        """Least sum of squares, (bins,), and number of values of each unknown noise."""
         counts = self.of.sums[:, :, N].sum(axis=1).reshape(least.shape[:2])
         if self.separate_noise:
             parts = [
@@ -221,12 +234,12 @@ class Question:
             ]
         else:
             parts = list(zip(least.sum(axis=0), counts.sum(axis=0), strict=True))
-        return np.asarray(sum(n * np.log(np.maximum(q, 1e-300) / n) for q, n in parts if n > 0.0))
+        return [(squares, float(n)) for squares, n in parts if n > 0.0]
 
-    def value(self, problem: Problem, optimum: LeastSquaresFit) -> float:
-        """chi2 of the optimum; under unknown noises the sum of n log(S/n)."""
-        residual = problem.residual(optimum.optimum.theta) / problem.noise.base
-        prior = problem.parameters.prior_residuals(optimum.optimum.theta)
+    def value(self, problem: Problem, theta: Array) -> float:
+        """chi2 at some constants; under unknown noises the sum of n log(S/n)."""
+        residual = problem.residual(theta) / problem.noise.base
+        prior = problem.parameters.prior_residuals(theta)
         total = float(prior @ prior)
         if self.noise == "known":
             return total + float(residual @ residual)
@@ -238,9 +251,35 @@ class Question:
     def gap(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float | None:
         """The gap of the optimum, once no transition elsewhere can do better."""
         beyond = self.bounds()[~fetched]
-        if beyond.size and float(beyond.min()) < self.value(problem, optimum):
+        if beyond.size and float(beyond.min()) < self.value(problem, optimum.optimum.theta):
             return None
         return optimum.optimum.gap
+
+    def least_rise(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float:
+        """How high a profile lies at least where a transition lies in an interval that was not fetched.
+
+        The rise is that of `ifrfit.inference.profile.objective.Misfit`, in which a noise has n less its
+        leverage degrees of freedom: docs/theory/sufficient-statistics.md, eq. (4).
+        """
+        beyond = self.bounds()[~fetched]
+        if not beyond.size:
+            return math.inf
+        least = float(beyond.min())
+        misfit = Misfit.of(problem, optimum)
+        found = []
+        for mode in misfit.modes:
+            prior = problem.parameters.prior_residuals(mode.theta)
+            pull = float(prior @ prior)
+            value = self.value(problem, mode.theta) - pull
+            if self.noise == "known":
+                found.append(mode.rise + least - value - pull)
+                continue
+            parts = self._by_noise(self._least(1.0))
+            counts = np.array([problem.noise.count(rows) for rows in problem.noise_groups().values()])
+            share = float(np.max(1.0 - mode.dof / counts))
+            better = value - sum(n * math.log(max(float(q.min()), _LEAST) / n) for q, n in parts)
+            found.append(mode.rise + (1.0 - share) * (least - value) - share * better - pull)
+        return min(found)
 
 
 def _with_neighbours(intervals: Mask) -> Mask:
