@@ -58,7 +58,8 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     except IfrfitError as error:
         profiles, without_profiles = result.profiles, str(error)
         if result.is_sampled:
-            without_profiles = f"{_beyond_memory(result)}: there are no profiles."
+            more = "intervals are not compared" if profiles else "ifrfit fit --method profile profiles them"
+            without_profiles = f"{_beyond_memory(result)}: {more}."
     else:
         without_profiles = _without_profiles(problem)
         if result.profiles:

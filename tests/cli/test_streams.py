@@ -55,7 +55,7 @@ def test_resume_names_the_folder_of_the_results(tmp_path):
     [
         (("compare",), "a folder of tables is not held in memory; ifrfit fit and ifrfit campaign take it"),
         (("cost",), "Give one of its files here"),
-        (("fit", "--intervals"), "--intervals: data that are not held in memory have no profiles"),
+        (("fit", "--intervals"), "--intervals: data that are not held in memory are put to one method at a time"),
     ],
 )
 def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypatch, command, said):

@@ -12,7 +12,15 @@ from scipy.special import chdtrc, fdtrc
 
 from ifrfit.data.observations import Source
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum, identifiable
+from ifrfit.inference.diagnostics.nested_models import pooling, unequal_noise
+from ifrfit.inference.diagnostics.optimum_facts import (
+    at_bound,
+    few_degrees_of_freedom,
+    global_optimum,
+    identifiable,
+    several_modes,
+    tiny_friction,
+)
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -129,7 +137,17 @@ def facts_of_all(
     kinds: NDArray[np.object_],
 ) -> dict[str, Fact]:
     """Of the optimum and of the method those of all impacts, the others those of the sample."""
-    own = dict(estimation.diagnostics)
+    shared = pooling(problem, optimum)
+    if not isinstance(sample, DataError) and _has_slipped(sample):
+        shared = None  # single rows tell whether the slip explains as much as series that differ
+    asked = {
+        "pooling": None if shared is None else shared.fact,
+        "unequal_noise": unequal_noise(problem, optimum),
+        "noise_modes": several_modes(problem, optimum),
+        "noise_dof": few_degrees_of_freedom(problem, optimum),
+        "tiny_friction": tiny_friction(problem, result.constants),
+    }
+    own = {name: fact for name, fact in asked.items() if fact is not None} | dict(estimation.diagnostics)
     own["global_optimum"] = global_optimum(optimum, bilinear=True)
     own["identifiable"] = identifiable(
         problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
@@ -151,6 +169,10 @@ def facts_of_all(
         **own,
         **{k: f for k, f in looked.items() if f.ok},
     }
+
+
+def _has_slipped(sample: FitResult) -> bool:
+    return "slips" in sample.facts and not sample.facts["slips"].ok
 
 
 def assumed_by(sample: FitResult, result: FitResult) -> tuple[str, ...]:

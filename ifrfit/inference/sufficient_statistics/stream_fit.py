@@ -13,6 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import observe
 from ifrfit.data.selection import select
@@ -20,6 +23,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
@@ -41,6 +45,7 @@ from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
 
 SampleFit = Callable[[Observations], FitResult]
+Index = NDArray[np.intp]
 
 _MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
 _METHODS = ("exact", "lsq", "profile")
@@ -109,11 +114,12 @@ def fit_stream(
     problem, optimum, fetched = question.solve(reader)
     if not problem.has_oblique:
         assumed = ()
+    sample = _sample(of, fit_sample)
+    problem = replace(problem, quoted_spins=_median_spins(problem, sample))
     estimation = estimator.run(problem, optimum, seed=seed, progress=None)
     if estimation.profiles:
         _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
-    sample = _sample(of, fit_sample)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
@@ -122,6 +128,8 @@ def fit_stream(
     evidence = result.fit.log_evidence
     if isinstance(sample, DataError):
         said = f"no fact on single rows was looked for, because a sample of them is refused: {sample}"
+        if stream.has_spin:
+            said = f"{said} Transition angles are those without spin before impact"
         points = result.points.iloc[:0]
     else:
         said = (
@@ -130,6 +138,8 @@ def fit_stream(
         )
         points = shown_points(sample, problem, optimum, seed)
         assumed = (*assumed, *assumed_by(sample, result))
+        if stream.has_spin and len(sample.points) < source.rows_used:
+            said = f"{said}, and transition angles are those at its median spin"
         if len(points) < source.rows_used:
             said = f"{said}; the result keeps {len(points):,} of them, for figure and report"
     return replace(
@@ -173,6 +183,23 @@ def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> No
             f"{least:.3g}, because an unknown noise rests on so few values. Fit a part of the data in memory, "
             "or take --method exact."
         )
+
+
+def _median_spins(problem: Problem, sample: FitResult | DataError) -> tuple[tuple[float, float], ...]:
+    """Of each series in the sample, of all its rows where a series is not in it; none without a sample.
+
+    Condensed rows have angles without spin.
+    """
+    if isinstance(sample, DataError):
+        return ((0.0, 0.0),) * len(problem.series)
+    drawn, _ = sample.problem_and_optimum()
+    i = drawn.rows.incidence
+
+    def of(rows: Index | slice) -> tuple[float, float]:
+        return float(np.median(i.spin_x[rows])), float(np.median(i.spin_y[rows]))
+
+    known = {name: of(np.flatnonzero(drawn.rows.series == k)) for k, name in enumerate(drawn.series)}
+    return tuple(known.get(name) or of(slice(None)) for name in problem.series)
 
 
 def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:

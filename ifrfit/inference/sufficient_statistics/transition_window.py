@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -58,7 +58,7 @@ class Question:
             needed = self.bounds() < self.value(problem, optimum.optimum.theta) + FAR
             if not (needed & ~fetched).any():
                 return problem, optimum, fetched
-            fetched |= _with_neighbours(needed)
+            fetched |= _with_neighbours(needed) | self._each_by_itself()
             self._refuse_many(fetched)
             window = self.of.window
             inside = np.asarray(fetched.any(axis=0))
@@ -77,16 +77,34 @@ class Question:
         """
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
-        expected = _with_neighbours(self.bounds() < best + 2.0 * FAR).any(axis=0)
+        expected = _with_neighbours(self.bounds() < best + 2.0 * FAR)
+        expected = (expected | self._each_by_itself()).any(axis=0)
         groups = self._oblique()
         share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
         return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))
 
+    def _each_by_itself(self) -> Mask:
+        """Where the transition of a series may lie that shares no constant, (series, bins): `pooling` asks.
+
+        None where that would be too many impacts: they are not needed for the fit.
+        """
+        if len(self.of.series) < 2 or not self._share_constants():
+            return np.zeros((len(self.of.series), self.of.bins), dtype=bool)
+        alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
+        best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
+        found = _with_neighbours(alone.bounds() < best + FAR)
+        return found & (self._rows_in(found) <= _MOST_ROWS / 2)
+
+    def _share_constants(self) -> bool:
+        return any(p.fixed is None and not p.separate for p in self.parameters)
+
+    def _rows_in(self, intervals: Mask) -> float:
+        """Values of some intervals of each series, (series, bins), that know the transition."""
+        of = self.of
+        return sum(float(of.sums[g, intervals[of.series_of(g)], N].sum()) for g in self._oblique())
+
     def _refuse_many(self, fetched: NDArray[np.bool_]) -> None:
-        n = sum(
-            float(self.of.sums[group, fetched[self.of.series_of(group)], N].sum())
-            for group in self._oblique()
-        )
+        n = self._rows_in(fetched)
         if n > _MOST_ROWS:
             raise DataError(
                 f"{self.of.stream.path}: the data leave open where sliding ends, so that {n:,.0f} values "
@@ -127,6 +145,10 @@ class Question:
             scale.append(made.sigma / self._typical(group))
             counts.append(made.count)
         table = pd.concat(tables, ignore_index=True)
+        # series stand in the order of the rows, as in memory
+        number = table["series"].map({name: place for place, name in enumerate(of.series)})
+        order = np.argsort(number.to_numpy(dtype=np.intp), kind="stable")
+        table = table.take(order).reset_index(drop=True)
         table["source"] = stream.path.name
         table["provenance"] = next(iter(of.tally.provenances), "")
         arrays, names = Rows.of(table.assign(impact_id=""))
@@ -134,8 +156,8 @@ class Question:
             self.noise,
             table["sigma"].to_numpy(dtype=float),
             separate=self.separate_noise,
-            scale=np.concatenate(scale),
-            counts=np.concatenate(counts),
+            scale=np.concatenate(scale)[order],
+            counts=np.concatenate(counts)[order],
         )
         inertia = stream.inertia_factor
         parameters = ParameterSet(self.parameters, names)

@@ -164,6 +164,8 @@ def _reason_of(name: str, estimate: Estimate) -> str:
 
 def median_spin(problem: Problem, series: int) -> tuple[float, float]:
     """R omega/u before impact, of the median row of a series, along and across the slip."""
+    if problem.quoted_spins is not None:
+        return problem.quoted_spins[series]
     rows = problem.rows.series == series
     incidence = problem.rows.incidence
     return float(np.median(incidence.spin_x[rows])), float(np.median(incidence.spin_y[rows]))

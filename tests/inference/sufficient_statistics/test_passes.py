@@ -206,6 +206,8 @@ def test_what_is_asked_of_data_in_memory(tmp_path):
     ):
         with pytest.raises(UsageError, match=f"{option}: these data are held in memory"):
             ifrfit.fit(tmp_path / "few.csv", method=Exact(**given))
+        with pytest.raises(UsageError, match="where --method profile is one short computation"):
+            ifrfit.fit(tmp_path / "few.csv", method=ifrfit.Profile(**given))
     with pytest.raises(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
         pass
 
