@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ifrfit.data import Observations, combine, resolve, select
 from ifrfit.data.catalogue import dataset_names
@@ -36,6 +36,9 @@ from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.text import joined
+
+if TYPE_CHECKING:
+    from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
 Data = str | Path | Observations
 Progress = Callable[[int, int], None]
@@ -147,11 +150,8 @@ def _streamed(
     keywords: Mapping[str, Any],
 ) -> FitResult | None:
     """The fit of data that are not held in memory; None for all others."""
-    parts = [data] if isinstance(data, str | Path | Observations) else list(data)
-    path = None
-    if len(parts) == 1 and not isinstance(parts[0], Observations) and str(parts[0]) not in dataset_names():
-        path = Path(parts[0])
-    if path is None or not is_stream(path):
+    path = stream_path(data)
+    if path is None:
         refuse_crew_in_memory(estimator)
         return None
     from ifrfit.inference.sufficient_statistics.passes import Reader
@@ -159,45 +159,83 @@ def _streamed(
     from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
     from ifrfit.inference.workers.crews import crew_of
 
+    stream = open_stream(path, model, noise, keywords)
+    if stream is None:
+        refuse_crew_in_memory(estimator, was_large=True)
+        return None
+    asked = asked_of_stream(model, closure, noise, seed)
+    if model.closure == Model.closure:
+        asked = replace(asked, assumed=(f"closure {closure.title}", *asked.assumed))
+    resume = getattr(estimator, "resume", None)
+    unfinished = None if resume is None else UnfinishedPass.beside(Path(resume))
+    try:
+        with crew_of(getattr(estimator, "workers", 1), getattr(estimator, "scheduler", None)) as crew:
+            (found,) = fit_stream(
+                Reader(stream, crew, unfinished, progress),
+                [asked],
+                noise.policy,
+                estimator,
+                separate_noise=bool(model.separate),
+                seed=seed,
+                command=command,
+            )
+    except NotStreamableError:
+        if not _can_be_held(path):
+            raise
+        refuse_crew_in_memory(estimator, was_large=True)
+        return None
+    if unfinished is not None:
+        unfinished.close()
+    return found.result
+
+
+def stream_path(data: Data | Sequence[Data]) -> Path | None:
+    """Where data lie that are not held in memory; None for all others."""
+    parts = [data] if isinstance(data, str | Path | Observations) else list(data)
+    if len(parts) != 1 or isinstance(parts[0], Observations) or str(parts[0]) in dataset_names():
+        return None
+    path = Path(parts[0])
+    return path if is_stream(path) else None
+
+
+def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, Any]) -> ImpactStream | None:
+    """How data that are not held in memory are read; None where they are a file that must be held after all.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `ImpactStream.of`, and for what needs single rows.
+    """
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
-    assumed = (f"closure {closure.title}",) if model.closure == Model.closure else ()
-    if model.inertia_factor is None:
-        assumed = (*assumed, f"inertia factor {inertia:g} (solid sphere)")
-
-    def of_sample(observations: Observations) -> FitResult:
-        return fit(observations, model, noise=noise, method="lsq", seed=seed)
-
     try:
         if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
             raise NotStreamableError(
                 f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
             )
-        conventions = parse_conventions(keywords.get("convention", ()))
-        stream = ImpactStream.of(path, conventions, selection, inertia)
-        resume = getattr(estimator, "resume", None)
-        unfinished = None if resume is None else UnfinishedPass.beside(Path(resume))
-        with crew_of(getattr(estimator, "workers", 1), getattr(estimator, "scheduler", None)) as crew:
-            found = fit_stream(
-                Reader(stream, crew, unfinished, progress),
-                closure,
-                model.parameters(inertia),
-                noise.policy,
-                estimator,
-                of_sample,
-                separate_noise=bool(model.separate),
-                assumed=assumed,
-                seed=seed,
-                command=command,
-            )
-        if unfinished is not None:
-            unfinished.close()
-        return found
+        return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
-        if path.is_dir() or path.name.lower().endswith((".gz", ".zst")):
+        if not _can_be_held(path):
             raise
-        refuse_crew_in_memory(estimator, was_large=True)
-        return None  # a file can be held in memory, if need be
+        return None
+
+
+def _can_be_held(path: Path) -> bool:
+    """Whether data that are streamed are a plain file, which can be held in memory, if need be."""
+    return not (path.is_dir() or path.name.lower().endswith((".gz", ".zst")))
+
+
+def asked_of_stream(model: Model, closure: Closure, noise: Noise, seed: int) -> Asked:
+    """What is asked of data that are not held in memory."""
+    from ifrfit.inference.sufficient_statistics.stream_fit import Asked
+
+    inertia = SOLID if model.inertia_factor is None else model.inertia_factor
+    assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+
+    def of_sample(observations: Observations) -> FitResult:
+        return fit(observations, model, noise=noise, method="lsq", seed=seed)
+
+    return Asked(closure, tuple(model.parameters(inertia)), of_sample, assumed)
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,12 @@ def test_resume_names_the_folder_of_the_results(tmp_path):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (("compare",), "a folder of tables is not held in memory; ifrfit fit and ifrfit campaign take it"),
+        (("compare", "--closure", "ifr", "--closure", "maw"), "needs the rows one by one"),
         (("cost",), "Give one of its files here"),
-        (("fit", "--intervals"), "--intervals: data that are not held in memory are put to one method at a time"),
+        (
+            ("fit", "--intervals"),
+            "--intervals: data that are not held in memory are put to one method at a time",
+        ),
     ],
 )
 def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypatch, command, said):

@@ -112,10 +112,10 @@ def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.o
     rest = float(counts[means | pairs].sum()) - means.sum() - common.size
     if dof < 1.0 or rest < 1.0 or within <= 0.0:
         says = "too few impacts away from the transition to look for lack of fit"
-        return Fact(True, says, {"tested": False}, FACTS["lack_of_fit"])
+        return Fact(True, says, {"p": None, "tested": False}, FACTS["lack_of_fit"])
     p = float(fdtrc(dof, rest, (between / dof) / (within / rest)))
     departure = math.sqrt(max(between / (within / rest) - dof, 0.0) / float(counts[means | pairs].sum()))
-    figures = {"p_value": p, "dof": dof, "departure_over_noise": departure}
+    figures = {"p": p, "dof": dof, "departure_over_noise": departure}
     if p < REFUTED:
         says = (
             f"the closure does not describe these data (p = {p:.2g}, means of narrow intervals of tau): they "

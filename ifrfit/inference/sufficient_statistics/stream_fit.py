@@ -10,13 +10,13 @@ posterior.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.observations import Observations
+from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
 from ifrfit.data.selection import select
 from ifrfit.errors import DataError, UsageError
@@ -24,12 +24,14 @@ from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
+    Correction,
     assumed_by,
     facts_of_all,
     likelihood_correction,
@@ -39,49 +41,85 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
-from ifrfit.inference.sufficient_statistics.transition_window import Question
+from ifrfit.inference.sufficient_statistics.transition_window import Question, solve_together
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import joined
 
 SampleFit = Callable[[Observations], FitResult]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 _MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
 _METHODS = ("exact", "lsq", "profile")
+_BEATEN = 100.0  # of minus twice the log likelihood, beyond which a closure has no hope
 _SHOWN = 0.997  # level up to which a profile is looked at
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A closure that is put to a stream.
+
+    Attributes
+    ----------
+    closure : Closure
+        A bilinear one.
+    parameters : tuple of Parameter
+    fit_sample : callable
+        Fits a sample that is held in memory, for the facts that look at single rows.
+    assumed : tuple of str
+        As `ifrfit.inference.result.build.build_result`.
+    """
+
+    closure: Closure
+    parameters: tuple[Parameter, ...]
+    fit_sample: SampleFit
+    assumed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StreamedFit:
+    """A fit of impacts that are not held in memory.
+
+    Attributes
+    ----------
+    result : FitResult
+        Of all impacts, with points of a sample.
+    condensed : FitResult
+        The same statistics and facts beside the problem of condensed rows, and these as points.
+    correction : Correction
+        From the likelihood and evidence of condensed rows to those of all.
+    """
+
+    result: FitResult
+    condensed: FitResult
+    correction: Correction
 
 
 def fit_stream(
     reader: Reader,
-    closure: Closure,
-    parameters: Sequence[Parameter],
+    asked: Sequence[Asked],
     policy: str | None,
     estimator: Estimator,
-    fit_sample: SampleFit,
     *,
     separate_noise: bool,
-    assumed: tuple[str, ...],
     seed: int = 0,
     command: str = "",
-) -> FitResult:
-    """Recover one set of constants from impacts that are not held in memory.
+) -> list[StreamedFit]:
+    """Recover the constants of one or several closures from impacts that are not held in memory.
 
     Parameters
     ----------
     reader : Reader
         Of the stream.
-    closure : Closure
-        A bilinear one.
-    parameters : sequence of Parameter
+    asked : sequence of Asked
+        Closures, which are put to the same sums of one pass.
     policy : {"known", "unknown"} or None
         None: known where every observable has a column of uncertainties.
     estimator : Estimator
         exact, lsq or profile.
-    fit_sample : callable
-        Fits a sample that is held in memory, for the facts that look at single rows.
     separate_noise : bool
-    assumed : tuple of str
     seed, command
         As `ifrfit.fit`.
 
@@ -93,28 +131,60 @@ def fit_stream(
         As the stream; and where the data leave open where the transition lies, so that too many impacts would
         have to be held.
     """
-    _refuse(closure, policy, estimator)
+    for each in asked:
+        _refuse(each.closure, policy, estimator)
     stream = reader.stream
     weighted = stream.has_sigma if policy is None else policy == "known"
     if weighted and not stream.has_sigma:
         raise DataError(f"{stream.path}: --noise known needs a column of uncertainties for each observable.")
     noise: Policy = "known" if weighted else "unknown"
 
-    def asked_of(of: Accumulated) -> Question:
-        return Question(of, closure, tuple(parameters), noise, separate_noise)
+    def questions_of(of: Accumulated) -> list[Question]:
+        return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
+
+    def window_of(of: Accumulated, coming: int) -> Mask:
+        return np.logical_or.reduce([each.expected_window(coming) for each in questions_of(of)])
 
     bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
-    of = reader.accumulate(weighted, bins, lambda part, coming: asked_of(part).expected_window(coming))
+    of = reader.accumulate(weighted, bins, window_of)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
+    questions = questions_of(of)
+    solved, fetched = solve_together(questions, reader)
+    values = [
+        question.value(problem, optimum.optimum.theta)
+        for question, (problem, optimum) in zip(questions, solved, strict=True)
+    ]
+    return [
+        _estimated(each, question, *found, fetched, estimator, seed, command, beaten=value - min(values))
+        for each, question, found, value in zip(asked, questions, solved, values, strict=True)
+    ]
+
+
+def _estimated(
+    asked: Asked,
+    question: Question,
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    fetched: Mask,
+    estimator: Estimator,
+    seed: int,
+    command: str,
+    *,
+    beaten: float,
+) -> StreamedFit:
+    """What a method finds beyond an optimum, and what is said of all impacts.
+
+    Single rows are not looked at under a closure that another one beats by far: all of them misfit.
+    """
+    of, stream = question.of, question.of.stream
+    assumed = asked.assumed
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):
         assumed = (*assumed, "no spin before impact")
-    question = asked_of(of)
-    problem, optimum, fetched = question.solve(reader)
     if not problem.has_oblique:
         assumed = ()
-    sample = _sample(of, fit_sample)
+    sample = _sample(of, asked.fit_sample)
     problem = replace(problem, quoted_spins=_median_spins(problem, sample))
     estimation = estimator.run(problem, optimum, seed=seed, progress=None)
     if estimation.profiles:
@@ -126,36 +196,54 @@ def fit_stream(
     optimum = replace(optimum, optimum=replace(optimum.optimum, gap=proven))
     correction = likelihood_correction(problem, optimum, of)
     evidence = result.fit.log_evidence
-    if isinstance(sample, DataError):
-        said = f"no fact on single rows was looked for, because a sample of them is refused: {sample}"
-        if stream.has_spin:
-            said = f"{said} Transition angles are those without spin before impact"
-        points = result.points.iloc[:0]
-    else:
-        said = (
-            f"facts on single rows were looked for in a sample of {len(sample.points):,} values of "
-            f"{source.rows_used:,}"
-        )
+    points = result.points.iloc[:0]
+    if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
         assumed = (*assumed, *assumed_by(sample, result))
-        if stream.has_spin and len(sample.points) < source.rows_used:
-            said = f"{said}, and transition angles are those at its median spin"
-        if len(points) < source.rows_used:
-            said = f"{said}; the result keeps {len(points):,} of them, for figure and report"
-    return replace(
+    looked_at = sample
+    if beaten > _BEATEN:
+        looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
+    condensed = replace(
         result,
         inputs=(source,),
         fit=replace(
             statistics_of_all(problem, optimum, result, of, correction),
             log_evidence=None if evidence is None else evidence + correction.of_evidence,
         ),
-        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, sample, kinds)),
-        warnings=(*result.warnings, *warnings_of(of, source), said),
-        points=points,
+        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, looked_at, kinds)),
+        warnings=(
+            *result.warnings,
+            *warnings_of(of, source),
+            _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
+        ),
         assumed=assumed,
-        problem=None,
-        least_squares=None,
     )
+    return StreamedFit(
+        replace(condensed, points=points, problem=None, least_squares=None), condensed, correction
+    )
+
+
+def _of_sample(
+    sample: FitResult | DataError,
+    looked_at: FitResult | DataError,
+    kept: int,
+    source: Source,
+    *,
+    has_spin: bool,
+) -> str:
+    """What is said of the sample, of which some points are kept."""
+    if isinstance(sample, DataError):
+        said = f"no fact on single rows was looked for, because a sample of them is refused: {sample}"
+        return f"{said} Transition angles are those without spin before impact" if has_spin else said
+    if isinstance(looked_at, DataError):
+        return f"no fact on single rows was looked for: {looked_at}"
+    drawn = len(sample.points)
+    said = f"facts on single rows were looked for in a sample of {drawn:,} values of {source.rows_used:,}"
+    if has_spin and drawn < source.rows_used:
+        said = f"{said}, and transition angles are those at its median spin"
+    if kept < source.rows_used:
+        said = f"{said}; the result keeps {kept:,} of them, for figure and report"
+    return said
 
 
 def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
@@ -169,9 +257,8 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
     if policy not in (None, "known", "unknown"):
         raise UsageError(f"--noise {policy}: data that are not held in memory take known or unknown.")
     if estimator.name not in _METHODS:
-        raise UsageError(
-            f"--method {estimator.name}: data that are not held in memory take {joined(_METHODS, 'or')}."
-        )
+        those = joined(_METHODS, "or")
+        raise UsageError(f"--method {estimator.name}: data that are not held in memory take {those}.")
 
 
 def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> None:
@@ -180,8 +267,8 @@ def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> No
     if least <= highest:
         raise DataError(
             f"{path}: a profile is drawn to a rise of {highest:.3g}, and the sums prove it only to "
-            f"{least:.3g}, because an unknown noise rests on so few values. Fit a part of the data in memory, "
-            "or take --method exact."
+            f"{least:.3g}, because an unknown noise rests on so few values. Fit a part of the data in "
+            "memory, or take --method exact."
         )
 
 

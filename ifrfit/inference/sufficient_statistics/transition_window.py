@@ -48,28 +48,6 @@ class Question:
     noise: Policy
     separate_noise: bool
 
-    def solve(self, reader: Reader) -> tuple[Problem, LeastSquaresFit, NDArray[np.bool_]]:
-        """The problem with the impacts that it needs one by one, its optimum, and their intervals."""
-        fetched = np.zeros((len(self.of.series), self.of.bins), dtype=bool)
-        rows: list[pd.DataFrame] = []
-        for _ in range(_PASSES):
-            problem = self.problem(rows, fetched)
-            optimum = least_squares(problem)
-            needed = self.bounds() < self.value(problem, optimum.optimum.theta) + FAR
-            if not (needed & ~fetched).any():
-                return problem, optimum, fetched
-            fetched |= _with_neighbours(needed) | self._each_by_itself()
-            self._refuse_many(fetched)
-            window = self.of.window
-            inside = np.asarray(fetched.any(axis=0))
-            if (inside & ~window.inside).any():
-                window = reader.fetch(self.of.bins, inside, self.of.series)
-            rows = window.tables(fetched, self.of.series, weighted=self.of.weighted)
-        raise DataError(
-            f"{self.of.stream.path}: where the transition lies did not settle. Fit a part of the data "
-            "in memory."
-        )
-
     def expected_window(self, coming: int) -> Mask:
         """The intervals that will be fetched in the end, most likely, told from some rows, (bins,).
 
@@ -78,12 +56,12 @@ class Question:
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
         expected = _with_neighbours(self.bounds() < best + 2.0 * FAR)
-        expected = (expected | self._each_by_itself()).any(axis=0)
+        expected = (expected | self.each_by_itself()).any(axis=0)
         groups = self._oblique()
         share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
         return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))
 
-    def _each_by_itself(self) -> Mask:
+    def each_by_itself(self) -> Mask:
         """Where the transition of a series may lie that shares no constant, (series, bins): `pooling` asks.
 
         None where that would be too many impacts: they are not needed for the fit.
@@ -103,7 +81,14 @@ class Question:
         of = self.of
         return sum(float(of.sums[g, intervals[of.series_of(g)], N].sum()) for g in self._oblique())
 
-    def _refuse_many(self, fetched: NDArray[np.bool_]) -> None:
+    def refuse_many(self, fetched: Mask) -> None:
+        """Refuse to hold very many impacts.
+
+        Raises
+        ------
+        DataError
+            With their number.
+        """
         n = self._rows_in(fetched)
         if n > _MOST_ROWS:
             raise DataError(
@@ -302,6 +287,43 @@ class Question:
             better = value - sum(n * math.log(max(float(q.min()), _LEAST) / n) for q, n in parts)
             found.append(mode.rise + (1.0 - share) * (least - value) - share * better - pull)
         return min(found)
+
+
+def solve_together(
+    questions: Sequence[Question], reader: Reader
+) -> tuple[list[tuple[Problem, LeastSquaresFit]], Mask]:
+    """Problems of the same rows, each with its optimum, and the intervals whose impacts stand for themselves.
+
+    Parameters
+    ----------
+    questions : sequence of Question
+        Put to the same sums.
+    reader : Reader
+        Of the stream, for impacts that were not kept.
+    """
+    of = questions[0].of
+    fetched = np.zeros((len(of.series), of.bins), dtype=bool)
+    rows: list[pd.DataFrame] = []
+    for _ in range(_PASSES):
+        found, needed, more = [], np.zeros_like(fetched), np.zeros_like(fetched)
+        for question in questions:
+            problem = question.problem(rows, fetched)
+            optimum = least_squares(problem)
+            found.append((problem, optimum))
+            needed |= question.bounds() < question.value(problem, optimum.optimum.theta) + FAR
+            more |= question.each_by_itself()
+        if not (needed & ~fetched).any():
+            return found, fetched
+        fetched |= _with_neighbours(needed) | more
+        questions[0].refuse_many(fetched)
+        window = of.window
+        inside = np.asarray(fetched.any(axis=0))
+        if (inside & ~window.inside).any():
+            window = reader.fetch(of.bins, inside, of.series)
+        rows = window.tables(fetched, of.series, weighted=of.weighted)
+    raise DataError(
+        f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
+    )
 
 
 def _with_neighbours(intervals: Mask) -> Mask:
