@@ -70,12 +70,16 @@ class Batch:
         Index into `Tally.series`.
     values : mapping of str to Values
         By observable.
+    number, first : int
+        Of the file, and of the row in it that is the first here.
     """
 
     incidence: Incidence
     gamma_deg: Array
     series: NDArray[np.intp]
     values: Mapping[str, Values]
+    number: int = 0
+    first: int = 0
 
 
 @dataclass(frozen=True)
@@ -156,7 +160,7 @@ class ImpactStream:
                     found, usable = self._batch(batch, piece.path, first, tally)
                     if sample is not None:
                         sample.draw(batch, piece.number, first, usable)
-                    yield found
+                    yield replace(found, number=piece.number, first=first)
                 first += batch.num_rows
                 tally.rows += batch.num_rows
             piece.check_unchanged()

@@ -41,7 +41,7 @@ class Sample:
 
     def draw(self, batch: pa.RecordBatch, number: int, first: int, usable: NDArray[np.bool_]) -> None:
         """Draw from some rows of file `number`, from `first` on."""
-        lots = _lots(number, first, batch.num_rows)
+        lots = lots_of_rows(number, first, batch.num_rows)
         at = np.flatnonzero(usable & (lots < np.uint64(self.below)))
         if at.size:
             self.drawn.append((lots[at], batch.take(at)))
@@ -96,8 +96,13 @@ class Sample:
         return cls(below, [(lots, table.to_batches()[0])])
 
 
-def _lots(number: int, first: int, n: int) -> NDArray[np.uint64]:
-    """A random number of each row, the same whenever it is asked for (splitmix64, Steele et al. 2014)."""
+def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
+    """A random number of each row of a file, the same whenever it is asked for.
+
+    References
+    ----------
+    Steele, Lea & Flood (2014), OOPSLA, 453: splitmix64.
+    """
     z = np.arange(first, first + n, dtype=np.uint64) + (np.uint64(number) << np.uint64(40))
     with np.errstate(over="ignore"):
         z = (z + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)

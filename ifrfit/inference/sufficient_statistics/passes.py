@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from ifrfit.physics.observables import OBSERVABLES
 Mask = NDArray[np.bool_]
 Progress = Callable[[int, int], None]
 Tell = Callable[[int], None]
+T = TypeVar("T")
 
 _MOST_KEPT = 3 * FIRST_ROWS  # rows that are all kept until the sums tell which to keep
 _STAGE = 8  # times as many rows in each stage as in all before it
@@ -116,6 +117,17 @@ class Reader:
             total.merge(rows, tally.merge(met))
             tell(0)
         return total
+
+    def parts(self, work: Callable[[Tell | None, Sequence[Portion]], list[T]]) -> Iterator[T]:
+        """What is found of each portion in a pass of its own, in their order; `work` is told whom to tell."""
+        done = Tally()
+        tell = partial(self._tell, done)
+        task = partial(work, self._here(tell, self.crew))
+        found: Iterator[T] = in_order(self.stream.portions, task, _lost, self.crew)
+        for portion, part in zip(self.stream.portions, found, strict=True):
+            done.rows += _rows_of(portion)
+            tell(0)
+            yield part
 
     def _here(self, tell: Tell, crew: Crew | None) -> Tell | None:
         """Who is told of rows while a portion is read: nobody, where others read it."""

@@ -9,6 +9,7 @@ posterior.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
 from ifrfit.data.selection import select
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
@@ -52,7 +53,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
-_METHODS = ("exact", "lsq", "profile")
+_METHODS = ("exact", "lsq", "profile", "bootstrap")
 _BEATEN = 100.0  # of minus twice the log likelihood, beyond which a closure has no hope
 _SHOWN = 0.997  # level up to which a profile is looked at
 
@@ -118,7 +119,7 @@ def fit_stream(
     policy : {"known", "unknown"} or None
         None: known where every observable has a column of uncertainties.
     estimator : Estimator
-        exact, lsq or profile.
+        exact, lsq, profile, or bootstrap by cases.
     separate_noise : bool
     seed, command
         As `ifrfit.fit`.
@@ -157,7 +158,9 @@ def fit_stream(
         for question, (problem, optimum) in zip(questions, solved, strict=True)
     ]
     return [
-        _estimated(each, question, *found, fetched, estimator, seed, command, beaten=value - min(values))
+        _estimated(
+            each, question, *found, fetched, estimator, reader, seed, command, beaten=value - min(values)
+        )
         for each, question, found, value in zip(asked, questions, solved, values, strict=True)
     ]
 
@@ -169,6 +172,7 @@ def _estimated(
     optimum: LeastSquaresFit,
     fetched: Mask,
     estimator: Estimator,
+    reader: Reader,
     seed: int,
     command: str,
     *,
@@ -186,7 +190,7 @@ def _estimated(
         assumed = ()
     sample = _sample(of, asked.fit_sample)
     problem = replace(problem, quoted_spins=_median_spins(problem, sample))
-    estimation = estimator.run(problem, optimum, seed=seed, progress=None)
+    estimation = _estimation(estimator, question, problem, optimum, reader, seed)
     if estimation.profiles:
         _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
@@ -221,6 +225,31 @@ def _estimated(
     return StreamedFit(
         replace(condensed, points=points, problem=None, least_squares=None), condensed, correction
     )
+
+
+def _estimation(
+    estimator: Estimator,
+    question: Question,
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    reader: Reader,
+    seed: int,
+) -> Estimation:
+    """What a method finds beyond an optimum: from condensed rows, or from groups that are drawn anew."""
+    if not isinstance(estimator, Bootstrap):
+        return estimator.run(problem, optimum, seed=seed, progress=None)
+    from ifrfit.inference.bootstrap import REPLICATES
+    from ifrfit.inference.bootstrap.summary import estimation_of
+    from ifrfit.inference.sufficient_statistics.grouped_cases import GROUPS, bootstrap_of_groups
+
+    replicates = REPLICATES if estimator.replicates is None else estimator.replicates
+    found = estimation_of(*bootstrap_of_groups(question, problem, optimum, reader, replicates, seed))
+    known_to = 100.0 / math.sqrt(2.0 * GROUPS)
+    said = (
+        f"Drawn were {GROUPS:,} random groups of impacts within each series in the place of impacts: an sd "
+        f"of the bootstrap is known to {known_to:.1f} %, beside what {replicates:,} replicates leave open."
+    )
+    return replace(found, warnings=(*found.warnings, said))
 
 
 def _of_sample(
@@ -259,6 +288,11 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
     if estimator.name not in _METHODS:
         those = joined(_METHODS, "or")
         raise UsageError(f"--method {estimator.name}: data that are not held in memory take {those}.")
+    if isinstance(estimator, Bootstrap) and estimator.scheme not in (None, "cases"):
+        raise UsageError(
+            f"--resample {estimator.scheme}: data that are not held in memory are drawn by cases; residuals "
+            "would need every row again in each replicate. Leave it out."
+        )
 
 
 def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> None:

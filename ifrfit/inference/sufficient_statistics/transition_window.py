@@ -108,7 +108,7 @@ class Question:
         """The condensed rows of all other intervals, and the impacts of these."""
         of, stream = self.of, self.of.stream
         tables, counts = list(rows), [np.ones(len(t)) for t in rows]
-        scale = [self._scale_of(table) for table in rows]
+        scale = [self.scale_of(table) for table in rows]
         for group, known in enumerate(of.groups):
             name, series = of.observable_of(group), of.series_of(group)
             sums = of.sums[group].copy()
@@ -127,8 +127,15 @@ class Question:
                 "impact_id": np.where(made.is_scatter, SCATTER, MEAN).astype(object),
             }
             tables.append(make_table(columns))
-            scale.append(made.sigma / self._typical(group))
+            scale.append(made.sigma / self.typical(group))
             counts.append(made.count)
+        return self.problem_of(tables, scale, counts)
+
+    def problem_of(
+        self, tables: Sequence[pd.DataFrame], scale: Sequence[Array], counts: Sequence[Array]
+    ) -> Problem:
+        """The problem of some rows, with their sigma over the typical one and what they stand for."""
+        of, stream = self.of, self.of.stream
         table = pd.concat(tables, ignore_index=True)
         # series stand in the order of the rows, as in memory
         number = table["series"].map({name: place for place, name in enumerate(of.series)})
@@ -151,13 +158,13 @@ class Question:
         )
         return made_of.with_noise(noise.with_bounds(self._noise_bounds(made_of)))
 
-    def _typical(self, group: int) -> float:
+    def typical(self, group: int) -> float:
         """Root mean square of the sigma of a group; 1 where it is unknown."""
         of = self.of
         count = of.count_of(group)
         return math.sqrt(of.groups[group].square_sigma.high / count) if of.weighted and count else 1.0
 
-    def _scale_of(self, table: pd.DataFrame) -> Array:
+    def scale_of(self, table: pd.DataFrame) -> Array:
         """Sigma of fetched rows over the typical one of their groups."""
         of, names = self.of, self.of.stream.observables
         if not of.weighted:
@@ -166,7 +173,7 @@ class Question:
             table[column].map({name: place for place, name in enumerate(of_all)}).to_numpy(dtype=np.intp)
             for column, of_all in (("series", of.series), ("observable", names))
         )
-        typical = np.array([self._typical(group) for group in range(len(of.groups))])
+        typical = np.array([self.typical(group) for group in range(len(of.groups))])
         sigma = table["sigma"].to_numpy(dtype=float)
         return np.asarray(sigma / typical[series * len(names) + number])
 
