@@ -227,7 +227,9 @@ def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
     for number, known in enumerate(of.groups):
         name, series = of.observable_of(number), of.series_of(number)
         span = (known.least_gamma, known.largest_gamma)
-        ends = (float(of_tau[sums.low[series]]), np.inf), (0.0, float(of_tau[sums.high[series] + 1]))
+        # all that knows no transition stands at 1/tau = 0
+        least = float(of_tau[sums.low[series]]) if OBSERVABLES[name].linear is not None else 0.0
+        ends = (least, np.inf), (0.0, float(of_tau[sums.high[series] + 1]))
         for side in (_BELOW, _ABOVE):
             made, group = condensed_groups(
                 by_group[number, :, side], name, stream.inertia_factor, ends[side], span
@@ -266,8 +268,9 @@ def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
     n = sum(map(len, tables))
     if n > _MOST_ROWS:
         raise DataError(
-            f"{stream.path}: the data leave open where sliding ends: {n:,} rows would have to be drawn from "
-            f"at once ({_MOST_ROWS:,} at most). Take --method exact, or say more by --fix, --prior or --bounds."
+            f"{stream.path}: the data leave open where sliding ends: {n:,} rows would have to be "
+            f"drawn from at once ({_MOST_ROWS:,} at most). Take --method exact, or say more by --fix, "
+            "--prior or --bounds."
         )
     problem = question.problem_of(tables, scale, counts)
     return problem, _cases(problem, str(stream.path))
@@ -310,7 +313,7 @@ def _refuse_beyond(question: Question, found: BootstrapDraws, low: Index, high: 
         outside = int(np.count_nonzero((at < tau[low[own]]) | (at > tau[high[own] + 1])))
         if problem.has_oblique and outside:
             raise DataError(
-                f"{question.of.stream.path}: the transition of {outside} of {found.answered:,} replicates "
-                "lies where impacts were not kept one by one, because values scatter unlike their sigma. Take "
-                "--noise unknown, or a part of the data in one file."
+                f"{question.of.stream.path}: the transition of {outside} of {found.answered:,} "
+                "replicates lies where impacts were not kept one by one, because values scatter unlike "
+                "their sigma. Take --noise unknown, or a part of the data in one file."
             )

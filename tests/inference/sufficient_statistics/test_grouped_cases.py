@@ -68,7 +68,7 @@ def test_unknown_noise_and_series(tmp_path):
     for name, estimate in theirs.items():
         assert abs(math.log(ours[name].stderr / estimate.stderr)) < 4.0 * ERROR
     for group, sigma in held.noise.sigma.items():
-        assert streamed.noise.sigma[group] == pytest.approx(sigma, rel=1e-9)
+        assert streamed.noise.sigma[group] == pytest.approx(sigma, rel=0.01)  # means of draws
     with pytest.raises(DataError, match="constants that some series share and others not"):
         ifrfit.fit(folder, separate=("mu",), **asked)
 
