@@ -186,7 +186,10 @@ def _streamed(
         return None
     if unfinished is not None:
         unfinished.close()
-    return found.result
+    if scene is None:
+        return found.result
+    said = f"--scene {scene}: not looked at, because the criteria of effects take rows held in memory"
+    return replace(found.result, warnings=(*found.result.warnings, said))
 
 
 def stream_path(data: Data | Sequence[Data]) -> Path | None:

@@ -21,7 +21,9 @@ from ifrfit.inference.diagnostics.optimum_facts import (
     several_modes,
     tiny_friction,
 )
+from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.assumptions import assumed_of
@@ -34,6 +36,8 @@ from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+_CHECKED = 300  # draws behind the posterior predictive checks
 
 
 @dataclass(frozen=True)
@@ -135,6 +139,7 @@ def facts_of_all(
     estimation: Estimation,
     sample: FitResult | DataError,
     kinds: NDArray[np.object_],
+    seed: int,
 ) -> dict[str, Fact]:
     """Of the optimum and of the method those of all impacts, the others those of the sample."""
     shared = pooling(problem, optimum)
@@ -159,9 +164,13 @@ def facts_of_all(
     scatter = sample.facts.get("lack_of_fit")
     if scatter is not None and not scatter.ok and own["lack_of_fit"].ok:
         del own["lack_of_fit"]  # means of many values do not tell how far single ones scatter
+    of_rows = dict(sample.facts)
+    checked = _predictive(sample, estimation, seed)
+    if checked is not None:
+        of_rows["predictive"] = checked
     looked = {
         name: replace(fact, says=f"in a sample of {len(sample.points):,} values: {fact.says}")
-        for name, fact in sample.facts.items()
+        for name, fact in of_rows.items()
         if name not in own
     }
     return {
@@ -169,6 +178,17 @@ def facts_of_all(
         **own,
         **{k: f for k, f in looked.items() if f.ok},
     }
+
+
+def _predictive(sample: FitResult, estimation: Estimation, seed: int) -> Fact | None:
+    """Whether the posterior of all impacts predicts the rows of a sample; None where it cannot tell."""
+    if not estimation.is_posterior or estimation.distribution is None:
+        return None
+    problem, _ = sample.problem_and_optimum()
+    drawn = estimation.distribution.draws(_CHECKED, np.random.default_rng(seed))
+    if any(name not in drawn for name in Density(problem).names):
+        return None  # a series is not in the sample
+    return predictive(problem, drawn)
 
 
 def _has_slipped(sample: FitResult) -> bool:

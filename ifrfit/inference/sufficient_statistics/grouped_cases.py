@@ -168,7 +168,7 @@ def bootstrap_of_groups(
             "share and others not do not allow. Take --method exact, or a part of the data in one file."
         )
     found = bootstrap(drawn, solved, scheme=scheme, replicates=replicates, seed=seed, progress=progress)
-    _refuse_beyond(question, found, low, high)
+    _refuse_beyond(question, found, solved, low, high)
     return found, solved
 
 
@@ -290,19 +290,18 @@ def _cases(problem: Problem, path: str) -> Cases:
     return Cases(name="cases", impact=impact.reshape(-1), kinds=kinds, prior=prior_means(problem))
 
 
-def _refuse_beyond(question: Question, found: BootstrapDraws, low: Index, high: Index) -> None:
+def _refuse_beyond(
+    question: Question, found: BootstrapDraws, optimum: LeastSquaresFit, low: Index, high: Index
+) -> None:
     """Refuse replicates whose transition lies where impacts do not stand for themselves."""
     problem = found.problem
     tau, law = edges(question.of.bins), problem.closure.law(problem.inertia_factor)
     if not found.answered:
         return
-    theta = np.array(
-        [
-            np.broadcast_to(found.draws.get(name, each.fixed), found.answered)
-            for name, each in zip(problem.parameters.names, problem.parameters.entries, strict=True)
-        ],
-        dtype=float,
-    ).T
+    theta = np.tile(optimum.optimum.theta, (found.answered, 1))
+    for place, entry in enumerate(problem.parameters.names):
+        if entry in found.draws:
+            theta[:, place] = found.draws[entry]
     places = problem.parameters.positions
     for series, name in enumerate(problem.series):
         own = question.of.series.index(name)

@@ -144,7 +144,7 @@ def fit_stream(
         return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
 
     def window_of(of: Accumulated, coming: int) -> Mask:
-        return np.logical_or.reduce([each.expected_window(coming) for each in questions_of(of)])
+        return np.asarray(np.any([each.expected_window(coming) for each in questions_of(of)], axis=0))
 
     bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
     of = reader.accumulate(weighted, bins, window_of)
@@ -214,7 +214,7 @@ def _estimated(
             statistics_of_all(problem, optimum, result, of, correction),
             log_evidence=None if evidence is None else evidence + correction.of_evidence,
         ),
-        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, looked_at, kinds)),
+        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, looked_at, kinds, seed)),
         warnings=(
             *result.warnings,
             *warnings_of(of, source),

@@ -55,8 +55,8 @@ class Question:
         """
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
-        expected = _with_neighbours(self.bounds() < best + 2.0 * FAR)
-        expected = (expected | self.each_by_itself()).any(axis=0)
+        likely = _with_neighbours(self.bounds() < best + 2.0 * FAR)
+        expected = np.asarray((likely | self.each_by_itself()).any(axis=0))
         groups = self._oblique()
         share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
         return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
 from streams import folder_of, impacts
@@ -64,3 +65,16 @@ def test_a_slip_of_one_series_is_told_by_the_sample(tmp_path):
     assert not held.facts["slips"].ok
     assert ours["slips"].says.startswith("in a sample of ")
     assert "pooling" not in ours or ours["pooling"].says.startswith("in a sample of ")
+
+
+def test_the_posterior_of_all_predicts_the_sample(tmp_path):
+    table = impacts(2000)
+    folder = folder_of(tmp_path / "all", table)
+    checked = ifrfit.fit(folder).facts["predictive"]
+    assert checked.ok
+    assert checked.says.startswith("in a sample of 4,000 values: the posterior predicts data like these")
+    table["beta"] += 0.1 * np.sin(table["gamma_deg"] / 5.0)  # which no constants explain
+    bent = ifrfit.fit(folder_of(tmp_path / "bent", table), scene="none.toml")
+    assert not bent.facts["predictive"].ok
+    assert any(said.startswith("--scene none.toml: not looked at") for said in bent.warnings)
+    assert "predictive" not in ifrfit.fit(folder, method="lsq").facts
