@@ -288,6 +288,10 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
     if estimator.name not in _METHODS:
         those = joined(_METHODS, "or")
         raise UsageError(f"--method {estimator.name}: data that are not held in memory take {those}.")
+    if isinstance(estimator, Bootstrap) and estimator.replicates is not None:
+        from ifrfit.inference.bootstrap.estimator import check_replicates
+
+        check_replicates(estimator.replicates)
     if isinstance(estimator, Bootstrap) and estimator.scheme not in (None, "cases"):
         raise UsageError(
             f"--resample {estimator.scheme}: data that are not held in memory are drawn by cases; residuals "

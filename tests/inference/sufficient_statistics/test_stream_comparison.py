@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from matplotlib.text import Text
 from streams import folder_of, impacts
 
 import ifrfit
@@ -69,6 +70,9 @@ def test_one_pass_for_all_closures(tmp_path, monkeypatch):
     assert passes == ["accumulate"]
     assert found.ranked[0] == "ifr"
     assert found.entries["f"].fit.fit.n == 5000
+    assert found.best.is_sampled
+    texts = [text.get_text() for text in found.plot().findobj(Text)]
+    assert "points: a random sample of 4,000 of 5,000 rows" in texts
 
 
 def test_what_a_comparison_cannot_have(tmp_path):
