@@ -180,7 +180,7 @@ def _streamed(
                 command=command,
             )
     except NotStreamableError:
-        if not _can_be_held(path):
+        if not _is_plain_file(path):
             raise
         refuse_crew_in_memory(estimator, was_large=True)
         return None
@@ -218,12 +218,12 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
             )
         return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
-        if not _can_be_held(path):
+        if not _is_plain_file(path):
             raise
         return None
 
 
-def _can_be_held(path: Path) -> bool:
+def _is_plain_file(path: Path) -> bool:
     """Whether data that are streamed are a plain file, which can be held in memory, if need be."""
     return not (path.is_dir() or path.name.lower().endswith((".gz", ".zst")))
 
