@@ -79,7 +79,7 @@ class PosteriorByMarginals:
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
         if quantity_of(name) == "transition_tau":
             found = self._transition(split_name(name)[1], wanted)
-        elif bool(np.isin(wanted, LEVELS).all()):
+        elif all(level in LEVELS for level in wanted.tolist()):
             found = self.marginals[name].at_levels(self.tolerance)[np.searchsorted(LEVELS, wanted)]
         else:
             found = self.marginals[name].quantiles(wanted, self.tolerance)

@@ -438,7 +438,8 @@ def statistics_of(
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
     offset = found.angle_offset
-    likely = likely_sigma(problem, found.optimum.theta)
+    known = problem.noise.is_known
+    likely = problem.noise.sigma if known else likely_sigma(problem, found.optimum.theta)
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
