@@ -1,10 +1,11 @@
 """The posterior of the plainest question: a quadrature over the transition alone, all else in closed form.
 
-With known noise, rows that are linear in the impulse factor or measure e_n, and a closure whose transition
-does not depend on its constant c, kappa alone decides which rows slide. Given kappa the sum of squares is a
-quadratic in c, so c is a normal law cut off at its bounds; e_n is independent of both, but for the Jacobian
-1/(1 + e_n) of mu = kappa/(1 + e_n). What remains is an integral over kappa, smooth between the transitions at
-the measured tau, and one over e_n. Section 11 of ``docs/theory/posterior.md``.
+With rows that are linear in the impulse factor or measure e_n, and a closure whose transition does not depend
+on its constant c, kappa alone decides which rows slide. Given kappa the sum of squares is a quadratic in c: c
+has a normal law cut off at its bounds where the noise is known, and Student's where each of the two
+observables has an unknown one. e_n is independent of both, but for the Jacobian 1/(1 + e_n) of
+mu = kappa/(1 + e_n). What remains is an integral over kappa, smooth between the transitions at the measured
+tau, and one over e_n. Section 11 of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations
@@ -16,30 +17,39 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import gammainccinv, gammaincinv, gammaln, ndtr, stdtr
 
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.adaptive_quadrature import integrate
-from ifrfit.inference.posterior.marginals import Marginal, whole_error
+from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares, whole_error
+from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.quadrature_posterior import PosteriorByMarginals, QuadraturePosterior
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _ORDER = 16  # of the rules, with those of half the order inside them
-_WIDTHS = (1.5, 0.75, 0.375)  # of panels of kappa, in sd of its sharpest cell that counts: one after the other
-_WIDTH_OF_E_N = 2.0  # of panels of e_n, in its sd
+_LOW_ORDER = 8  # where most panels end at transitions, and are narrow
+# of panels, in sd of the sharpest cell of kappa that counts, and of e_n, to begin with: the coarse rules have an
+# error of 1e-6 on the first, and one that rises with the tenth power
+_WIDTH, _AT, _POWER = 1.5, 1e-6, 0.1
+_HALVINGS = 3  # until the general integral is left to it
+_WIDE = 1.0  # sd from which panels are wide
 _MOST_PANELS = 400
-_LOST = 26.0  # -log of the mass beyond the panels, were kappa's domain no wider than its sd
-_REACH = 8.5  # sd of e_n beyond which less than 1e-16 of it lies
+_LOST = 1e-4  # of the tolerance: mass beyond the panels, were kappa's domain no wider than its sd
 _NEAR = 32.0  # of chi2 above the best, within which a cell says how sharp kappa is
 _OUTSIDE = 16.0  # of chi2 by which the optimum without bounds may lie below the one inside
 _FREE_OF_BOUNDS = 9.0  # sd between c and its bounds from which nothing is cut off
-_NO_SHARE = 1e-14  # probability of a node that is left out of a mean
+_NO_SHARE = 1e-7  # of the tolerance: probability of a node that is left out of a mean
+_FEWEST = 12  # rows of unknown noise below which tails are too long for even panels
+_BEYOND = 50.0  # error of a result, in sd, over the probability beyond a bound that was left out
+_NO_TAIL = 1e-17  # of the law of an unknown sigma, beyond its bounds
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _PER_ROOT_2PI = 1.0 / math.sqrt(2.0 * math.pi)
 
@@ -68,7 +78,7 @@ class TransitionPosterior(PosteriorByMarginals):
         Change of the log evidence from the coarse rules to the fine ones.
     tolerance : float
     marginals : mapping
-        Name to `Marginal`: free entries of theta, and kappa.
+        Name to `Marginal`: free entries of theta, kappa, and free noises.
     error : float
         Largest change of a mean, a standard deviation or a quantile, in posterior standard deviations.
     transition_scale : float
@@ -148,20 +158,22 @@ def transition_posterior(
     question = _PlainQuestion.of(problem)
     if question is None:
         return None
-    e_n = _Restitution.of(question)
+    lost = -math.log(_LOST * tolerance)
     cells = _Cells.of(question, problem, start)
-    region = None if e_n is None or cells is None else cells.region(question.highest_kappa)
-    if e_n is None or cells is None or region is None:
+    region = cells.region(question.highest_kappa, lost)
+    if region is None:
         return None
-    for width in _WIDTHS:
-        kappa = _Transition.of(cells, region, question.c, width)
-        if kappa is None:
+    widest = _WIDTH * min(tolerance / _AT, 1e3) ** _POWER
+    for width in (widest / 2.0**k for k in range(_HALVINGS)):
+        kappa = _Transition.of(cells, region, question.c, width, tolerance)
+        e_n = _Restitution.of(question, lost, width, tolerance)
+        if kappa is None or e_n is None or not kappa.is_within(question.noises):
             return None
-        marginals = _marginals(problem, question, kappa, e_n, few=width == _WIDTHS[0])
+        marginals = _marginals(problem, question, kappa, e_n, tolerance)
         error_evidence = float(abs(kappa.log_mass[1] - kappa.log_mass[0] + e_n.log_mass[1] - e_n.log_mass[0]))
         if not error_evidence <= tolerance:
             continue
-        error = whole_error(marginals, tolerance)
+        error = max(whole_error(marginals, tolerance), _BEYOND * kappa.beyond)
         if error <= tolerance:
             log_evidence = float(kappa.log_mass[0] + e_n.log_mass[0]) + question.log_scale
             return TransitionPosterior(
@@ -194,7 +206,10 @@ class _PlainQuestion:
     e_value, e_weight : ndarray, (m,)
         What the other rows and a prior say of e_n, with sigma^-2.
     log_scale : float
-        Log of what stands before the integrals of exp(-chi2/2): of the likelihood and the priors.
+        Log of what stands before the integrals: of the likelihood and the priors.
+    noises : tuple of (str, NoiseScale)
+        The unknown noise of the tangential rows, then that of e_n, each with its name; empty where it is
+        known.
     """
 
     law: Coefficients
@@ -207,6 +222,7 @@ class _PlainQuestion:
     e_value: Array
     e_weight: Array
     log_scale: float
+    noises: tuple[tuple[str, NoiseScale], ...] = ()
 
     @property
     def highest_kappa(self) -> float:
@@ -220,7 +236,9 @@ class _PlainQuestion:
         if not (isinstance(law, Coefficients) and law.b1 == 0.0 and law.a1 != 0.0 and law.b0 > 0.0):
             return None
         noise, parameters = problem.noise, problem.parameters
-        if not (noise.is_known and noise.counts is None and problem.error_model.is_plain):
+        if not (noise.is_known or noise.is_unknown) or noise.counts is not None or noise.scale is not None:
+            return None
+        if not problem.error_model.is_plain:
             return None
         if problem.offset is not None or any(one.separate for one in parameters):
             return None
@@ -238,11 +256,17 @@ class _PlainQuestion:
             e_value, e_weight = np.append(e_value, e_n.prior[0]), np.append(e_weight, e_n.prior[1] ** -2.0)
         if not (tau.size and e_value.size and tau.min() > 0.0 and math.isfinite(float(tau.max()))):
             return None
-        scale = -float(np.log(noise.sigma).sum()) - noise.sigma.size * _HALF_LOG_2PI
+        noises = _noises_of(problem, tau.size)
+        if noises is None:
+            return None
+        scale = 0.0
+        if not noises:
+            scale = -float(np.log(noise.sigma).sum()) - noise.sigma.size * _HALF_LOG_2PI
         for one in (e_n, c, mu):
             scale += one.log_scale - (0.0 if one.prior is None else math.log(one.prior[1]) + _HALF_LOG_2PI)
         order = np.argsort(tau, kind="stable")
-        return cls(law, e_n, c, mu, tau[order], factor[order], weight[order], e_value, e_weight, scale)
+        rows_of = tau[order], factor[order], weight[order]
+        return cls(law, e_n, c, mu, *rows_of, e_value, e_weight, scale, noises)
 
 
 def _rows_of(problem: Problem) -> tuple[list[Array], list[Array]] | None:
@@ -250,7 +274,7 @@ def _rows_of(problem: Problem) -> tuple[list[Array], list[Array]] | None:
 
     None where a row is of neither kind, ties e_n to the impulse factor, or knows neither.
     """
-    rows, sigma = problem.rows, problem.noise.sigma
+    rows, sigma = problem.rows, problem.noise.base
     tangential, normal = [], []
     for observable, at, incidence in rows.by_observable:
         if observable.linear is not None and not observable.ties_e_n:
@@ -270,6 +294,39 @@ def _rows_of(problem: Problem) -> tuple[list[Array], list[Array]] | None:
         return None
     of_e_n = [np.concatenate(part) for part in zip(*normal, strict=True)] if normal else [np.empty(0)] * 2
     return [np.concatenate(part) for part in zip(*tangential, strict=True)], of_e_n
+
+
+def _noises_of(problem: Problem, n_tangential: int) -> tuple[tuple[str, NoiseScale], ...] | None:
+    """Unknown noises: of the tangential rows, then of those of e_n; empty where they are known.
+
+    None where there are others, few rows of one, or a prior beside them.
+    """
+    if problem.noise.is_known:
+        return ()
+    groups, bounds = problem.noise_groups(), problem.noise_bounds()
+    if len(groups) != 2 or any(one.prior is not None for one in problem.free_parameters):
+        return None
+    normal = problem.rows.of_kind("normal")
+    (first, one), (second, other) = sorted(groups.items(), key=lambda item: bool(normal[item[1]].any()))
+    if one.size != n_tangential or not normal[other].all() or min(one.size, other.size) < _FEWEST:
+        return None
+    return tuple(
+        (noise_name(name), NoiseScale(float(rows.size), *bounds[name]))
+        for name, rows in ((first, one), (second, other))
+    )
+
+
+def _is_inside(noise: NoiseScale, least: float, most: float) -> bool:
+    """Whether the bounds of sigma cut nothing off at sums of squares between these."""
+    half = 0.5 * noise.n
+    top, bottom = 0.5 * least / noise.lower**2, 0.5 * most / noise.upper**2
+    return bool(top > gammainccinv(half, _NO_TAIL) and bottom < gammaincinv(half, _NO_TAIL))
+
+
+def _log_constant(noise: NoiseScale) -> float:
+    """Log of the likelihood of a sum of squares Q with sigma integrated out, over Q^(-n/2); eq. (5)."""
+    half = 0.5 * noise.n
+    return float(gammaln(half)) - half * (2.0 * _HALF_LOG_2PI - math.log(2.0)) - math.log(2.0 * noise.span)
 
 
 @dataclass(frozen=True)
@@ -293,6 +350,8 @@ class _Cells:
         chi2 at the certified optimum.
     reference : float
         kappa there.
+    noise : NoiseScale or None
+        The unknown noise of the rows: then sums of squares are not over sigma^2.
     """
 
     walls: Array
@@ -302,10 +361,16 @@ class _Cells:
     bend: Array
     best: float
     reference: float
+    noise: NoiseScale | None
+
+    @property
+    def dof(self) -> float:
+        """Of Student's law of c, where the noise is unknown; else infinite."""
+        return math.inf if self.noise is None else self.noise.n - 1.0
 
     @classmethod
-    def of(cls, question: _PlainQuestion, problem: Problem, start: LeastSquaresFit) -> _Cells | None:
-        """None where a bound keeps c far from what the rows say."""
+    def of(cls, question: _PlainQuestion, problem: Problem, start: LeastSquaresFit) -> _Cells:
+        """Cells of the rows, about the certified optimum."""
         law, w, inverse = question.law, question.weight, 1.0 / question.tau
         places, theta = problem.parameters.positions, start.optimum.theta
         e_n, c, mu = (float(theta[places[name][0]]) for name in ("e_n", question.c.name, "mu"))
@@ -328,10 +393,11 @@ class _Cells:
         g = np.stack((f0 - f3 * m0**2, f2 - 2.0 * f3 * m0 * m1, f5 - f3 * m1**2))
         walls = np.concatenate(([0.0], law.b0 * question.tau, [math.inf]))
         best = float(f0[walls[1:-1].searchsorted(kappa)])
-        return cls(walls, g, np.stack((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa)
+        noise = question.noises[0][1] if question.noises else None
+        return cls(walls, g, np.stack((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa, noise)
 
-    def region(self, highest: float) -> tuple[float, float, float] | None:
-        """Ends of kappa between which the mass is, and how sharp it is there, as an sd.
+    def region(self, highest: float, lost: float) -> tuple[float, float, float] | None:
+        """Ends of kappa between which all but exp(-lost) is, and how sharp it is there, as an sd.
 
         None where it reaches the end of the domain, or the bounds of c are far from what the rows say.
         """
@@ -341,13 +407,16 @@ class _Cells:
             vertex = np.where(g2 > 0.0, -0.5 * g1 / g2, low)
         vertex = np.minimum(np.maximum(vertex, low), high)
         least = g0 + (g1 + g2 * vertex) * vertex
-        if self.best - least.min() > _OUTSIDE:
+        lowest = float(least.min())
+        variance = 1.0 if self.noise is None else lowest / self.dof
+        if not variance > 0.0 or self.best - lowest > _OUTSIDE * variance:
             return None
-        sharpest = float(self.bend[least < self.best + _NEAR].max())
+        sharpest = float(self.bend[least < self.best + _NEAR * variance].max())
         if not sharpest > 0.0:
             return None
-        sd = 1.0 / math.sqrt(sharpest)
-        edge = self.best + 2.0 * (_LOST + 3.0 * math.log1p(highest / sd))
+        sd = math.sqrt(variance / sharpest)
+        rise = 2.0 * (lost + 3.0 * math.log1p(highest / sd))
+        edge = self.best + rise if self.noise is None else self.best * math.exp(rise / self.dof)
         holds = np.flatnonzero(least < edge)
         first, last = int(holds[0]), int(holds[-1])
         if last == least.size - 1:
@@ -372,7 +441,7 @@ class _Transition:
     ----------
     kappa, middle : ndarray, (nodes,)
         kappa, and the middle of c's normal law there.
-    width : float
+    width : float or ndarray, (nodes,)
         Of that law.
     share : ndarray, (2, nodes)
         Probability of each node.
@@ -384,23 +453,37 @@ class _Transition:
         Log of the integral of exp(-chi2/2) over kappa and c.
     cut : tuple of ndarray or None
         Standardised bounds of c at each node; None where they cut nothing off.
-    bounds : tuple of float
-        Of c.
+    dof : float
+        Of Student's law in the place of the normal one; infinite where the noise is known.
+    square : ndarray, (nodes,)
+        Sum of squares, least over c.
+    beyond : float
+        Probability beyond the bounds of c that was left out.
+    counts : ndarray of int
+        Nodes that count in distribution functions.
     """
 
     kappa: Array
     middle: Array
-    width: float
+    width: Array | float
     share: Array
     height: Array
     law: PanelCdf
     log_mass: Array
     cut: tuple[Array, Array] | None
-    bounds: tuple[float, float]
+    dof: float
+    square: Array
+    beyond: float
+    counts: Index
 
     @classmethod
     def of(
-        cls, cells: _Cells, region: tuple[float, float, float], c: FreeParameter, width: float
+        cls,
+        cells: _Cells,
+        region: tuple[float, float, float],
+        c: FreeParameter,
+        width: float,
+        tolerance: float,
     ) -> _Transition | None:
         """None where it would take very many panels."""
         low, high, sd = region
@@ -409,19 +492,30 @@ class _Transition:
         kinks = kinks[(kinks > low) & (kinks < high)]
         if count + kinks.size > _MOST_PANELS:
             return None
-        axis = QuadratureAxis.of(np.concatenate((kinks, np.linspace(low, high, count + 1))), _ORDER)
+        order = _LOW_ORDER if kinks.size > count else _ORDER
+        axis = QuadratureAxis.of(np.concatenate((kinks, np.linspace(low, high, count + 1))), order)
         inside = 0.5 * (axis.panels[:, 0] + axis.panels[:, 1])
         cell = cells.walls[1:-1].searchsorted(inside)
         nodes = axis.nodes().reshape(axis.shape)
         q = nodes - cells.reference
         g0, g1, g2 = cells.g[:, cell, None]
         m0, m1 = cells.middle[:, cell, None]
-        middle = m0 + m1 * q
-        held = np.exp(-0.5 * (g0 - cells.best + (g1 + g2 * q) * q))
-        bare = held
-        cut = None
-        below, above = (c.lower - middle) / cells.width, (c.upper - middle) / cells.width
-        if below.max() > -_FREE_OF_BOUNDS or above.min() < _FREE_OF_BOUNDS:
+        middle, square = m0 + m1 * q, g0 + (g1 + g2 * q) * q
+        if cells.noise is None:
+            log_scale = math.log(cells.width) + _HALF_LOG_2PI - 0.5 * cells.best
+            bare, spread = np.exp(-0.5 * (square - cells.best)), cells.width
+        else:
+            if not square.min() > 0.0:
+                return None
+            half = 0.5 * cells.dof
+            log_scale = _log_constant(cells.noise) + math.log(cells.width) - half * math.log(cells.best)
+            log_scale += 0.5 * math.log(math.pi) + float(gammaln(half) - gammaln(half + 0.5))
+            bare, spread = (cells.best / square) ** half, cells.width * np.sqrt(square / cells.dof)
+        below, above = (c.lower - middle) / spread, (c.upper - middle) / spread
+        held, cut, tails = bare, None, None
+        if cells.noise is not None:
+            tails = (stdtr(cells.dof, below) + stdtr(cells.dof, -above)).reshape(-1)
+        elif below.max() > -_FREE_OF_BOUNDS or above.min() < _FREE_OF_BOUNDS:
             cut = below.reshape(-1), above.reshape(-1)
             held = bare * (ndtr(above) - ndtr(below))
         weights, per = axis.weights(), held.reshape(-1)
@@ -429,11 +523,30 @@ class _Transition:
         if not mass.min() > 0.0:
             return None
         weights /= mass[:, None]
-        log_mass = np.log(mass) + (math.log(cells.width) + _HALF_LOG_2PI - 0.5 * cells.best)
         law = PanelCdf.of_levels(axis, per / mass[:, None])
         share, height = weights * per, weights * bare.reshape(-1)
-        flat = nodes.reshape(-1), middle.reshape(-1)
-        return cls(*flat, cells.width, share, height, law, log_mass, cut, (c.lower, c.upper))
+        beyond = 0.0 if tails is None else float(share[0] @ tails)
+        return cls(
+            nodes.reshape(-1),
+            middle.reshape(-1),
+            spread if isinstance(spread, float) else spread.reshape(-1),
+            share,
+            height,
+            law,
+            np.log(mass) + log_scale,
+            cut,
+            cells.dof,
+            square.reshape(-1),
+            beyond,
+            np.flatnonzero(share[0] > _NO_SHARE * tolerance),
+        )
+
+    def is_within(self, noises: Sequence[tuple[str, NoiseScale]]) -> bool:
+        """Whether the bounds of an unknown noise cut nothing off."""
+        if not noises:
+            return True
+        kept = self.square[self.counts]
+        return _is_inside(noises[0][1], float(kept.min()), float(kept.max()))
 
     @cached_property
     def c_mean(self) -> tuple[Array, Array]:
@@ -448,7 +561,8 @@ class _Transition:
         """Mean and standard deviation of c by both levels."""
         each, mean = self.c_mean
         offset = self.middle - mean[0]
-        square = self.share @ (offset * offset + self.width**2)
+        student = 1.0 if math.isinf(self.dof) else self.dof / (self.dof - 2.0)
+        square = self.share @ (offset * offset + student * self.width**2)
         if self.cut is not None:
             low, high = self.cut
             at_low, at_high = (_PER_ROOT_2PI * np.exp(-0.5 * end * end) for end in self.cut)
@@ -459,8 +573,10 @@ class _Transition:
 
     def c_below(self, t: Array, levels: int) -> Array:
         """Distribution function of c: the mean of those given kappa, eq. (9)."""
-        middle, height, cut = self._kept
-        z = (t[:, None] - middle) / self.width
+        middle, width, height, cut = self._kept
+        z = (t[:, None] - middle) / width
+        if not math.isinf(self.dof):
+            return np.asarray(height[:levels] @ stdtr(self.dof, z).T)
         if cut is None:
             return np.asarray(height[:levels] @ ndtr(z).T)
         low, high = cut
@@ -468,11 +584,12 @@ class _Transition:
         return np.asarray(height[:levels] @ below.T)
 
     @cached_property
-    def _kept(self) -> tuple[Array, Array, tuple[Array, Array] | None]:
-        """`middle`, `height` and `cut` of the nodes that count."""
-        at = np.flatnonzero(self.share[0] > _NO_SHARE)
+    def _kept(self) -> tuple[Array, Array | float, Array, tuple[Array, Array] | None]:
+        """`middle`, `width`, `height` and `cut` of the nodes that count."""
+        at = self.counts
         cut = None if self.cut is None else (self.cut[0][at], self.cut[1][at])
-        return self.middle[at], self.height[:, at], cut
+        width = self.width[at] if isinstance(self.width, np.ndarray) else self.width
+        return self.middle[at], width, self.height[:, at], cut
 
     def mean_product(self, one: str, other: str) -> float:
         """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself."""
@@ -484,7 +601,7 @@ class _Transition:
 
 @dataclass(frozen=True)
 class _Restitution:
-    """The law of e_n: normal between its bounds, times the Jacobian 1/(1 + e_n).
+    """The law of e_n: normal, or Student's, between its bounds, times the Jacobian 1/(1 + e_n).
 
     Attributes
     ----------
@@ -493,11 +610,15 @@ class _Restitution:
         Probabilities.
     law : PanelCdf
     log_mass : ndarray, (2,)
-        Log of the integral of exp(-chi2/2).
+        Log of the integral of the likelihood, up to the constant of known noise.
     middle, sd : float
         Of the normal law.
     is_whole : bool
-        Whether the bounds cut nothing of it off.
+        Whether it is normal, the bounds cut nothing of it off, and panels are wide.
+    square : ndarray, (nodes,)
+        Sum of squares.
+    counts : ndarray of int
+        Nodes that count.
     """
 
     nodes: Array
@@ -507,50 +628,73 @@ class _Restitution:
     middle: float
     sd: float
     is_whole: bool
+    square: Array
+    counts: Index
 
     @classmethod
-    def of(cls, question: _PlainQuestion) -> _Restitution | None:
+    def of(
+        cls, question: _PlainQuestion, lost: float, width: float, tolerance: float
+    ) -> _Restitution | None:
         """None where the values lie outside the bounds."""
         value, weight = question.e_value, question.e_weight
         total = float(weight.sum())
         mean, sd = float(weight @ value) / total, 1.0 / math.sqrt(total)
         chi2 = float(weight @ (value - mean) ** 2)
+        noise = question.noises[1][1] if question.noises else None
+        reach = math.sqrt(2.0 * lost)
+        if noise is not None:
+            dof = noise.n - 1.0
+            if not chi2 > 0.0:
+                return None
+            sd *= math.sqrt(chi2 / dof)
+            reach = math.sqrt(dof * math.expm1(2.0 * lost / dof))
         lower, upper = question.e_n.lower, question.e_n.upper
-        low, high = max(lower, mean - _REACH * sd), min(upper, mean + _REACH * sd)
+        low, high = max(lower, mean - reach * sd), min(upper, mean + reach * sd)
         if mean < lower - 4.0 * sd or mean > upper + 4.0 * sd or not high > low:
             return None
-        count = math.ceil((high - low) / (_WIDTH_OF_E_N * sd))
+        count = math.ceil((high - low) / (width * sd))
+        if count > _MOST_PANELS:
+            return None
         axis = QuadratureAxis.of(np.linspace(low, high, count + 1), _ORDER)
         nodes = axis.nodes()
         z = (nodes - mean) / sd
-        density = np.exp(-0.5 * z * z) / (1.0 + nodes)
+        if noise is None:
+            log_scale, square = -0.5 * chi2, chi2 + z * z
+            density = np.exp(-0.5 * z * z) / (1.0 + nodes)
+        else:
+            log_scale, square = _log_constant(noise) - 0.5 * noise.n * math.log(chi2), chi2 * (1.0 + z * z / dof)
+            density = (chi2 / square) ** (0.5 * noise.n) / (1.0 + nodes)
         weights = axis.weights()
         mass = weights @ density
-        law = PanelCdf.of_levels(axis, density / mass[:, None])
         share = weights * (density / mass[:, None])
-        is_whole = low > lower and high < upper
-        return cls(nodes, share, law, np.log(mass) - 0.5 * chi2, mean, sd, is_whole)
+        counts = np.flatnonzero(share[0] > _NO_SHARE * tolerance)
+        if noise is not None:
+            kept = square[counts]
+            if not _is_inside(noise, float(kept.min()), float(kept.max())):
+                return None
+        law = PanelCdf.of_levels(axis, density / mass[:, None])
+        is_whole = noise is None and low > lower and high < upper and width > _WIDE
+        return cls(nodes, share, law, np.log(mass) + log_scale, mean, sd, is_whole, square, counts)
 
     def mean(self, of: Array) -> float:
         """Mean of what is given at the nodes, by the rules."""
         return float(self.share[0] @ of)
 
-    def points(self, *, few: bool) -> tuple[Array, Array]:
+    def points(self) -> tuple[Array, Array]:
         """1 + e_n at points for means of what varies little with it, (n,), and probabilities, (levels, n).
 
-        By the rules of Gauss and Hermite, where few points are wanted and no bound cuts the normal law off;
-        the points of the fine rule come first.
+        By the rules of Gauss and Hermite, where no bound cuts a normal law off and wide panels are tried; the
+        points of the fine rule come first.
         """
-        if not (few and self.is_whole):
-            at = np.flatnonzero(np.abs(self.share[0]) > _NO_SHARE)
-            return 1.0 + self.nodes[at], self.share[:, at]
+        if not self.is_whole:
+            return 1.0 + self.nodes[self.counts], self.share[:, self.counts]
         factor = 1.0 + self.middle + self.sd * _HERMITE
         weight = _HERMITE_WEIGHTS / factor
         return factor, weight / weight.sum(axis=1, keepdims=True)
 
 
 def _marginals(
-    problem: Problem, question: _PlainQuestion, kappa: _Transition, e_n: _Restitution, *, few: bool
+    problem: Problem, question: _PlainQuestion, kappa: _Transition, e_n: _Restitution, tolerance: float
 ) -> dict[str, Marginal]:
     """Of the free entries of theta in their order, and of kappa."""
     of_kappa, of_e_n = _moments(kappa.share, kappa.kappa), _moments(e_n.share, e_n.nodes)
@@ -558,7 +702,7 @@ def _marginals(
     of_mu = [_product(one, other) for one, other in zip(of_kappa, inverse, strict=True)]
     of_c = kappa.c_moments()
     law = kappa.law
-    factors, shares = e_n.points(few=few)
+    factors, shares = e_n.points()
     fine = np.flatnonzero(shares[0])
 
     def mu_below(t: Array, levels: int) -> Array:
@@ -578,6 +722,13 @@ def _marginals(
         found[name] = Marginal(name, one.lower, one.upper, moments.__getitem__, below)
     name = problem.parameters.kappas[0].name
     found[name] = Marginal(name, 0.0, question.highest_kappa, of_kappa.__getitem__, law.below_in_all)
+    if question.noises:
+        (first, one), (second, other) = question.noises
+        # with c integrated out, sigma knows a sum of squares of one row less
+        negligible = _NO_SHARE * tolerance * kappa.kappa.size
+        less = NoiseScale(one.n - 1.0, one.lower, one.upper)
+        found[first] = noise_over_squares(less, kappa.square, kappa.share, negligible, first)
+        found[second] = noise_over_squares(other, e_n.square, e_n.share, negligible, second)
     return found
 
 
