@@ -262,7 +262,7 @@ def _error_of_moments(marginals: Mapping[str, Marginal]) -> float:
 def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> float:
     worst = 0.0
     for own in marginals.values():
-        mean, sd = own.moments(0)
+        sd = own.moments(0)[1]
         if sd == 0.0:
             continue
         change, normal = math.inf, False

@@ -25,7 +25,7 @@ from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.adaptive_quadrature import integrate
-from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares, whole_error
+from ifrfit.inference.posterior.marginals import Cdf, Marginal, noise_over_squares, whole_error
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.quadrature_posterior import PosteriorByMarginals, QuadraturePosterior
@@ -36,11 +36,11 @@ Index = NDArray[np.intp]
 
 _ORDER = 16  # of the rules, with those of half the order inside them
 _LOW_ORDER = 8  # where most panels end at transitions, and are narrow
-# of panels, in sd of the sharpest cell of kappa that counts, and of e_n, to begin with: the coarse rules have an
-# error of 1e-6 on the first, and one that rises with the tenth power
+# of panels, in sd of the sharpest cell of kappa that counts, and of e_n, to begin with, at a tolerance: the
+# error of the coarse rules rises with the tenth power
 _WIDTH, _AT, _POWER = 1.5, 1e-6, 0.1
 _HALVINGS = 3  # until the general integral is left to it
-_WIDE = 1.0  # sd from which panels are wide
+_SURE = 0.2  # of the tolerance: error up to which few points of e_n are believed, where kinks might hide more
 _MOST_PANELS = 400
 _LOST = 1e-4  # of the tolerance: mass beyond the panels, were kappa's domain no wider than its sd
 _NEAR = 32.0  # of chi2 above the best, within which a cell says how sharp kappa is
@@ -49,6 +49,8 @@ _FREE_OF_BOUNDS = 9.0  # sd between c and its bounds from which nothing is cut o
 _NO_SHARE = 1e-7  # of the tolerance: probability of a node that is left out of a mean
 _FEWEST = 12  # rows of unknown noise below which tails are too long for even panels
 _BEYOND = 50.0  # error of a result, in sd, over the probability beyond a bound that was left out
+_LITTLE = 0.3  # relative sd of 1 + e_n over that of kappa, below which few points of e_n are enough
+_LEAST = 1e-300
 _NO_TAIL = 1e-17  # of the law of an unknown sigma, beyond its bounds
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _PER_ROOT_2PI = 1.0 / math.sqrt(2.0 * math.pi)
@@ -62,7 +64,7 @@ def _hermite(fine: int, coarse: int) -> tuple[Array, Array]:
     return np.concatenate((x, y)), weights
 
 
-_HERMITE, _HERMITE_WEIGHTS = _hermite(14, 9)
+_HERMITE, _HERMITE_WEIGHTS = _hermite(12, 6)
 
 
 @dataclass(frozen=True)
@@ -132,9 +134,7 @@ class TransitionPosterior(PosteriorByMarginals):
         """The same posterior on the grids of the general integral, made when draws are first asked for."""
         return integrate(self.problem, self.tolerance, self.start)
 
-    def draws(
-        self, n: int, rng: np.random.Generator, names: Sequence[str] | None = None
-    ) -> dict[str, Array]:
+    def draws(self, n: int, rng: np.random.Generator, names: Sequence[str] | None = None) -> dict[str, Array]:
         """Independent draws of constants and kappa together, from the general integral.
 
         All of them, or those of some names.
@@ -164,17 +164,18 @@ def transition_posterior(
     if region is None:
         return None
     widest = _WIDTH * min(tolerance / _AT, 1e3) ** _POWER
-    for width in (widest / 2.0**k for k in range(_HALVINGS)):
+    for attempt in range(_HALVINGS):
+        width, few = widest / 2.0**attempt, attempt == 0
         kappa = _Transition.of(cells, region, question.c, width, tolerance)
         e_n = _Restitution.of(question, lost, width, tolerance)
         if kappa is None or e_n is None or not kappa.is_within(question.noises):
             return None
-        marginals = _marginals(problem, question, kappa, e_n, tolerance)
+        marginals = _marginals(problem, question, kappa, e_n, tolerance, few=few)
         error_evidence = float(abs(kappa.log_mass[1] - kappa.log_mass[0] + e_n.log_mass[1] - e_n.log_mass[0]))
         if not error_evidence <= tolerance:
             continue
         error = max(whole_error(marginals, tolerance), _BEYOND * kappa.beyond)
-        if error <= tolerance:
+        if error <= (_SURE if few else 1.0) * tolerance:
             log_evidence = float(kappa.log_mass[0] + e_n.log_mass[0]) + question.log_scale
             return TransitionPosterior(
                 problem,
@@ -559,7 +560,7 @@ class _Transition:
 
     def c_moments(self) -> list[tuple[float, float]]:
         """Mean and standard deviation of c by both levels."""
-        each, mean = self.c_mean
+        mean = self.c_mean[1]
         offset = self.middle - mean[0]
         student = 1.0 if math.isinf(self.dof) else self.dof / (self.dof - 2.0)
         square = self.share @ (offset * offset + student * self.width**2)
@@ -614,7 +615,7 @@ class _Restitution:
     middle, sd : float
         Of the normal law.
     is_whole : bool
-        Whether it is normal, the bounds cut nothing of it off, and panels are wide.
+        Whether it is normal, and the bounds cut nothing off.
     square : ndarray, (nodes,)
         Sum of squares.
     counts : ndarray of int
@@ -632,9 +633,7 @@ class _Restitution:
     counts: Index
 
     @classmethod
-    def of(
-        cls, question: _PlainQuestion, lost: float, width: float, tolerance: float
-    ) -> _Restitution | None:
+    def of(cls, question: _PlainQuestion, lost: float, width: float, tolerance: float) -> _Restitution | None:
         """None where the values lie outside the bounds."""
         value, weight = question.e_value, question.e_weight
         total = float(weight.sum())
@@ -662,7 +661,10 @@ class _Restitution:
             log_scale, square = -0.5 * chi2, chi2 + z * z
             density = np.exp(-0.5 * z * z) / (1.0 + nodes)
         else:
-            log_scale, square = _log_constant(noise) - 0.5 * noise.n * math.log(chi2), chi2 * (1.0 + z * z / dof)
+            log_scale, square = (
+                _log_constant(noise) - 0.5 * noise.n * math.log(chi2),
+                chi2 * (1.0 + z * z / dof),
+            )
             density = (chi2 / square) ** (0.5 * noise.n) / (1.0 + nodes)
         weights = axis.weights()
         mass = weights @ density
@@ -673,20 +675,20 @@ class _Restitution:
             if not _is_inside(noise, float(kept.min()), float(kept.max())):
                 return None
         law = PanelCdf.of_levels(axis, density / mass[:, None])
-        is_whole = noise is None and low > lower and high < upper and width > _WIDE
+        is_whole = noise is None and low > lower and high < upper
         return cls(nodes, share, law, np.log(mass) + log_scale, mean, sd, is_whole, square, counts)
 
     def mean(self, of: Array) -> float:
         """Mean of what is given at the nodes, by the rules."""
         return float(self.share[0] @ of)
 
-    def points(self) -> tuple[Array, Array]:
+    def points(self, *, few: bool) -> tuple[Array, Array]:
         """1 + e_n at points for means of what varies little with it, (n,), and probabilities, (levels, n).
 
-        By the rules of Gauss and Hermite, where no bound cuts a normal law off and wide panels are tried; the
+        By the rules of Gauss and Hermite, where few points are wanted and no bound cuts a normal law off; the
         points of the fine rule come first.
         """
-        if not self.is_whole:
+        if not (few and self.is_whole):
             return 1.0 + self.nodes[self.counts], self.share[:, self.counts]
         factor = 1.0 + self.middle + self.sd * _HERMITE
         weight = _HERMITE_WEIGHTS / factor
@@ -694,34 +696,30 @@ class _Restitution:
 
 
 def _marginals(
-    problem: Problem, question: _PlainQuestion, kappa: _Transition, e_n: _Restitution, tolerance: float
+    problem: Problem,
+    question: _PlainQuestion,
+    kappa: _Transition,
+    e_n: _Restitution,
+    tolerance: float,
+    *,
+    few: bool,
 ) -> dict[str, Marginal]:
     """Of the free entries of theta in their order, and of kappa."""
     of_kappa, of_e_n = _moments(kappa.share, kappa.kappa), _moments(e_n.share, e_n.nodes)
     inverse = _moments(e_n.share, 1.0 / (1.0 + e_n.nodes))
     of_mu = [_product(one, other) for one, other in zip(of_kappa, inverse, strict=True)]
     of_c = kappa.c_moments()
-    law = kappa.law
-    factors, shares = e_n.points()
-    fine = np.flatnonzero(shares[0])
-
-    def mu_below(t: Array, levels: int) -> Array:
-        """Eq. (10)."""
-        some = slice(0, int(fine[-1]) + 1) if levels == 1 else slice(None)
-        below = law.below_in_all((t[:, None] * factors[some]).reshape(-1), levels)
-        return np.asarray((below.reshape(levels, t.size, -1) @ shares[:levels, some, None])[..., 0])
-
     every = {
         "e_n": (question.e_n, of_e_n, e_n.law.below_in_all),
         question.c.name: (question.c, of_c, kappa.c_below),
-        "mu": (question.mu, of_mu, mu_below),
+        "mu": (question.mu, of_mu, _quotient(kappa, e_n, of_kappa[0], of_e_n[0], few=few)),
     }
     found = {}
     for name in problem.parameters.free_names:
         one, moments, below = every[name]
         found[name] = Marginal(name, one.lower, one.upper, moments.__getitem__, below)
-    name = problem.parameters.kappas[0].name
-    found[name] = Marginal(name, 0.0, question.highest_kappa, of_kappa.__getitem__, law.below_in_all)
+    name, below = problem.parameters.kappas[0].name, kappa.law.below_in_all
+    found[name] = Marginal(name, 0.0, question.highest_kappa, of_kappa.__getitem__, below)
     if question.noises:
         (first, one), (second, other) = question.noises
         # with c integrated out, sigma knows a sum of squares of one row less
@@ -730,6 +728,36 @@ def _marginals(
         found[first] = noise_over_squares(less, kappa.square, kappa.share, negligible, first)
         found[second] = noise_over_squares(other, e_n.square, e_n.share, negligible, second)
     return found
+
+
+def _quotient(
+    kappa: _Transition,
+    e_n: _Restitution,
+    of_kappa: tuple[float, float],
+    of_e_n: tuple[float, float],
+    *,
+    few: bool,
+) -> Cdf:
+    """Distribution function of mu, eq. (10): the mean over the narrower one of kappa and 1 + e_n."""
+    ratio = of_e_n[1] / (1.0 + of_e_n[0]) * of_kappa[0] / of_kappa[1]
+    if ratio > 1.0:
+        values, shares_of_kappa = kappa.kappa[kappa.counts], kappa.share[:, kappa.counts]
+
+        def by_kappa(t: Array, levels: int) -> Array:
+            at = values / np.maximum(t, _LEAST)[:, None] - 1.0
+            above = 1.0 - e_n.law.below_in_all(at.reshape(-1), levels).reshape(levels, t.size, -1)
+            return np.asarray((above @ shares_of_kappa[:levels, :, None])[..., 0])
+
+        return by_kappa
+    factors, shares = e_n.points(few=few and ratio < _LITTLE)
+    fine = int(np.flatnonzero(shares[0])[-1]) + 1
+
+    def by_e_n(t: Array, levels: int) -> Array:
+        some = slice(0, fine) if levels == 1 else slice(None)
+        below = kappa.law.below_in_all((t[:, None] * factors[some]).reshape(-1), levels)
+        return np.asarray((below.reshape(levels, t.size, -1) @ shares[:levels, some, None])[..., 0])
+
+    return by_e_n
 
 
 def _moments(share: Array, values: Array) -> list[tuple[float, float]]:

@@ -166,7 +166,9 @@ def median_spin(problem: Problem, series: int) -> tuple[float, float]:
     """R omega/u before impact, of the median row of a series, along and across the slip."""
     rows = problem.rows.series == series
     incidence = problem.rows.incidence
-    x, y = (float(np.median(spin[rows])) if spin.any() else 0.0 for spin in (incidence.spin_x, incidence.spin_y))
+    x, y = (
+        float(np.median(spin[rows])) if spin.any() else 0.0 for spin in (incidence.spin_x, incidence.spin_y)
+    )
     return x, y
 
 
