@@ -371,7 +371,7 @@ def quantiles_near_normal(
         before, x_before = own, x
         x = x + (target - own) * slope
         if float(np.abs(found - p).max()) <= accuracy:  # and one step better
-            return np.minimum(np.maximum(x, ends[0]), ends[1])
+            return np.asarray(np.minimum(np.maximum(x, ends[0]), ends[1]))
     return None
 
 

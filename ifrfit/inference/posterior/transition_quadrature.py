@@ -442,7 +442,7 @@ class _Transition:
     ----------
     kappa, middle : ndarray, (nodes,)
         kappa, and the middle of c's normal law there.
-    width : float or ndarray, (nodes,)
+    width : ndarray, (nodes,)
         Of that law.
     share : ndarray, (2, nodes)
         Probability of each node.
@@ -466,7 +466,7 @@ class _Transition:
 
     kappa: Array
     middle: Array
-    width: Array | float
+    width: Array
     share: Array
     height: Array
     law: PanelCdf
@@ -504,14 +504,16 @@ class _Transition:
         middle, square = m0 + m1 * q, g0 + (g1 + g2 * q) * q
         if cells.noise is None:
             log_scale = math.log(cells.width) + _HALF_LOG_2PI - 0.5 * cells.best
-            bare, spread = np.exp(-0.5 * (square - cells.best)), cells.width
+            bare = np.exp(-0.5 * (square - cells.best))
+            spread = np.full(square.shape, cells.width)
         else:
             if not square.min() > 0.0:
                 return None
             half = 0.5 * cells.dof
             log_scale = _log_constant(cells.noise) + math.log(cells.width) - half * math.log(cells.best)
             log_scale += 0.5 * math.log(math.pi) + float(gammaln(half) - gammaln(half + 0.5))
-            bare, spread = (cells.best / square) ** half, cells.width * np.sqrt(square / cells.dof)
+            bare = (cells.best / square) ** half
+            spread = cells.width * np.sqrt(square / cells.dof)
         below, above = (c.lower - middle) / spread, (c.upper - middle) / spread
         held, cut, tails = bare, None, None
         if cells.noise is not None:
@@ -530,7 +532,7 @@ class _Transition:
         return cls(
             nodes.reshape(-1),
             middle.reshape(-1),
-            spread if isinstance(spread, float) else spread.reshape(-1),
+            spread.reshape(-1),
             share,
             height,
             law,
@@ -585,12 +587,11 @@ class _Transition:
         return np.asarray(height[:levels] @ below.T)
 
     @cached_property
-    def _kept(self) -> tuple[Array, Array | float, Array, tuple[Array, Array] | None]:
+    def _kept(self) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
         """`middle`, `width`, `height` and `cut` of the nodes that count."""
         at = self.counts
         cut = None if self.cut is None else (self.cut[0][at], self.cut[1][at])
-        width = self.width[at] if isinstance(self.width, np.ndarray) else self.width
-        return self.middle[at], width, self.height[:, at], cut
+        return self.middle[at], self.width[at], self.height[:, at], cut
 
     def mean_product(self, one: str, other: str) -> float:
         """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself."""
@@ -721,10 +722,10 @@ def _marginals(
     name, below = problem.parameters.kappas[0].name, kappa.law.below_in_all
     found[name] = Marginal(name, 0.0, question.highest_kappa, of_kappa.__getitem__, below)
     if question.noises:
-        (first, one), (second, other) = question.noises
+        (first, own), (second, other) = question.noises
         # with c integrated out, sigma knows a sum of squares of one row less
         negligible = _NO_SHARE * tolerance * kappa.kappa.size
-        less = NoiseScale(one.n - 1.0, one.lower, one.upper)
+        less = NoiseScale(own.n - 1.0, own.lower, own.upper)
         found[first] = noise_over_squares(less, kappa.square, kappa.share, negligible, first)
         found[second] = noise_over_squares(other, e_n.square, e_n.share, negligible, second)
     return found
