@@ -21,6 +21,7 @@ Bool = NDArray[np.bool_]
 
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 _BLOCK = 20_000  # rows
+_FEW = 1000  # rows up to which labels are numbered by a dictionary, in a fifth of the time
 OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
@@ -237,6 +238,10 @@ def as_slice(rows: Index) -> Index | slice:
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
+    if len(column) <= _FEW:
+        number: dict[str, int] = {}
+        few = [number.setdefault(label, len(number)) for label in column.tolist()]
+        return tuple(map(str, number)), np.array(few, dtype=np.intp)
     codes, labels = pd.factorize(column)
     return tuple(str(label) for label in labels), np.asarray(codes, dtype=np.intp)
 
@@ -245,6 +250,8 @@ def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
     number = impact_numbers(table)
     alone = number < 0
+    if alone.all():
+        return np.arange(number.size)
     number[alone] = -1 - np.flatnonzero(alone)
     codes, _ = pd.factorize(number)
     return np.asarray(codes, dtype=np.intp)

@@ -18,6 +18,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
+from ifrfit.inference.result.deferred import PostponedField
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -37,6 +38,8 @@ from ifrfit.inference.result.types import (
 @dataclass(frozen=True, kw_only=True)
 class Findings:
     """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
+
+    `assumed`, `state` and `points` may be given as `Postponed`, and are worked out when they are first read.
 
     Attributes
     ----------
@@ -161,3 +164,7 @@ class Findings:
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""
         return by_entry(self.constants)
+
+
+for _name in ("assumed", "state", "points"):  # after the decorator, which would take them for defaults
+    setattr(Findings, _name, PostponedField(_name))

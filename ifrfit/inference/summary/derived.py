@@ -168,7 +168,10 @@ def median_spin(problem: Problem, series: int) -> tuple[float, float]:
         return problem.quoted_spins[series]
     rows = problem.rows.series == series
     incidence = problem.rows.incidence
-    return float(np.median(incidence.spin_x[rows])), float(np.median(incidence.spin_y[rows]))
+    x, y = (
+        float(np.median(spin[rows])) if spin.any() else 0.0 for spin in (incidence.spin_x, incidence.spin_y)
+    )
+    return x, y
 
 
 def angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:
