@@ -3,7 +3,7 @@
     python benchmarks/scale.py 1e6 1e7
 
 Writes Parquet (and CSV of the first size) and measures in one run, each in a process of its own: reading the
-columns with pyarrow; the sums from memory; the whole fit; the same sums by DuckDB and by Polars; pandas and
+columns with pyarrow; what is done with rows from memory; the whole fit; the same sums by DuckDB and by Polars; pandas and
 lmfit; scipy on the full arrays; two worker processes. CPU seconds (of the process itself), seconds, and its
 peak memory, as a table in Markdown; ratios are what it is about.
 """
@@ -24,19 +24,34 @@ _READ = """
 import pyarrow.parquet as pq
 pq.read_table(PATH, columns=["gamma_deg", "beta", "e_n", "sigma_beta", "sigma_e_n"], use_threads=False)
 """
-_SUMS = """
-import numpy as np
-from ifrfit.inference.sufficient_statistics.moments import Moments, bin_of, middles
-n = 5_000_000
+_KERNEL = """
+import numpy as np, pyarrow as pa
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.selection import Selection
+from ifrfit.data.stream import impact_stream
+from ifrfit.data.stream.portions import Piece
+from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated
+n, size = 8_000_000, 1 << 15
 rng = np.random.default_rng(0)
-slip, cosine = rng.uniform(0.01, 1.0, n), rng.uniform(0.01, 1.0, n)
-place = bin_of(slip, cosine, 2048)
-group, w, s, r = np.zeros(n, dtype=np.intp), np.ones(n), np.ones(n), rng.normal(size=n)
-x = cosine / slip - middles(2048)[place]
-made = Moments.nothing(1, 2048)
-made.add(group[:2], place[:2], w[:2], s[:2], r[:2], x[:2])
+columns = {"gamma_deg": rng.uniform(1.0, 85.0, n), "beta": rng.normal(0.5, 0.1, n),
+    "e_n": rng.normal(0.9, 0.03, n), "sigma_beta": rng.uniform(0.02, 0.04, n),
+    "sigma_e_n": rng.uniform(0.02, 0.04, n)}
+if METHOD:
+    columns["spin_y"] = 0.3 * rng.standard_normal(n)
+batches = pa.table(columns).to_batches(size)
+stream = impact_stream.ImpactStream(PATH, (), Conventions(), Selection(), 0.4, ("beta", "e_n"), True, bool(METHOD))
+piece = Piece(PATH, 0, 0, n, (), 0, 0)
+part = Accumulated.nothing(stream, True, BINS, np.arange(BINS) % 1000 == 0)
+impact_stream._reading = lambda piece: batches
+Piece.check_unchanged = lambda piece: None
+def read():
+    for batch in stream.batches((piece,), part.tally, part.sample):
+        part.add(batch)
+whole, batches = batches, batches[:2]
+read()
+batches = whole
 STARTED()
-made.add(group, place, w, s, r, x)
+read()
 """
 _FIT = """
 import ifrfit
@@ -157,10 +172,10 @@ def main() -> None:
     given = parser.parse_args()
     print("| impacts | | CPU s | s | peak GiB |\n|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
-        seconds, elapsed, _ = run(_SUMS, 0, Path(folder) / "none")
-        rate = 5.0 / seconds
-        says = f"the sums, from memory: {rate:.0f} million a second"
-        print(f"| 5e6 values | {says} | {seconds:.3f} | {elapsed:.3f} | |")
+        for spin in ("", "with spin"):
+            seconds, elapsed, _ = run(_KERNEL, 0, Path(folder) / "none", spin)
+            says = f"all that is done with rows, from memory{', ' * bool(spin)}{spin}: {8.0 / seconds:.0f} million a second"
+            print(f"| 8e6 | {says} | {seconds:.3f} | {elapsed:.3f} | |", flush=True)
         for number, size in enumerate(given.sizes):
             n, path = int(float(size)), Path(folder) / f"{size}.parquet"
             run(_MADE, n, path)

@@ -40,7 +40,7 @@ from ifrfit.physics.observables import OBSERVABLES
 
 SampleFit = Callable[[Observations], FitResult]
 
-_MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
+_MANY = (3_000_000, 100_000_000)  # rows from each of which on there are four times as many intervals
 _METHODS = ("exact", "lsq")
 
 
