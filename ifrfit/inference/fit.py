@@ -166,7 +166,9 @@ def _streamed(
         assumed = (*assumed, f"inertia factor {inertia:g} (solid sphere)")
 
     def of_sample(observations: Observations) -> FitResult:
-        return fit(observations, model, noise=noise, method="lsq", seed=seed)
+        # its rows are those of the selection already, but for the columns that are not used
+        used = {"observable": stream.observables, "independent": selection.independent}
+        return fit(observations, model, noise=noise, method="lsq", seed=seed, **used)
 
     try:
         if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
 
@@ -204,7 +205,7 @@ class ImpactStream:
         layout: Layout,
         series: NDArray[np.intp],
         tally: Tally,
-        state_of: Callable[[Array, Array, Array], Incidence] = partial(Incidence.of, degrees=True),
+        state_of: Callable[[Array, Array, Array], Incidence] = _IN_NUMPY,
     ) -> tuple[Batch, Mask]:
         """The impacts of a table, and which of its rows have nothing that was left out."""
         cells = layout.cells

@@ -1,4 +1,4 @@
-"""Batches in which every row is good, as nearly all are: seen so by one loop a column, and not looked at again.
+"""Batches in which every row is good, as nearly all are: one loop a column sees it.
 
 Whatever is odd in a batch (an impossible value, a code for "not measured", an angle at which an observable
 has no value) leaves the whole of it to `ImpactStream.impacts_of`, which knows what is wrong and where. Both

@@ -14,7 +14,6 @@ from dataclasses import replace
 
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import observe
-from ifrfit.data.selection import select
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.model.noise import Policy
@@ -40,7 +39,7 @@ from ifrfit.physics.observables import OBSERVABLES
 
 SampleFit = Callable[[Observations], FitResult]
 
-_MANY = (3_000_000, 100_000_000)  # rows from each of which on there are four times as many intervals
+_MANY = (3_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
 _METHODS = ("exact", "lsq")
 
 
@@ -164,9 +163,7 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     stream = of.stream
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
-    wanted = replace(stream.selection, observable=stream.observables)
     try:
-        sample = observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor)
-        return fit_sample(select(sample, wanted))
+        return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error
