@@ -162,7 +162,7 @@ class ImpactStream:
                         layout = identify(cells_of(batch, piece.path, first), self.conventions)
                         plain = PlainRows.of(layout, self.observables, self.has_sigma, self.selection.ranges)
                     seen = self._plain_batch(batch, layout, plain, tally)
-                    found, usable = seen or self._batch(batch, piece.path, first, tally)
+                    found, usable = seen or self._batch(batch, piece.path, first, tally, layout, plain)
                     if sample is not None:
                         sample.draw(batch, piece.number, first, usable)
                     yield found
@@ -195,10 +195,20 @@ class ImpactStream:
             values[name] = Values(at, value, sigma)
         return Batch(incidence, gamma, self._series_of(batch, layout, tally), values), np.ones(n, dtype=bool)
 
-    def _batch(self, batch: pa.RecordBatch, path: Path, first: int, tally: Tally) -> tuple[Batch, Mask]:
+    def _batch(
+        self,
+        batch: pa.RecordBatch,
+        path: Path,
+        first: int,
+        tally: Tally,
+        layout: Layout,
+        plain: PlainRows | None,
+    ) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
-        layout = identify(cells_of(batch, path, first), self.conventions)
-        return self.impacts_of(layout, self._series_of(batch, layout, tally), tally, incidence_of)
+        cells = cells_of(batch, path, first)
+        # units that headers leave open are told by the values of each batch
+        known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
+        return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
 
     def impacts_of(
         self,
