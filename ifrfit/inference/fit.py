@@ -167,8 +167,15 @@ def _streamed(
 
     def of_sample(observations: Observations) -> FitResult:
         # its rows are those of the selection already, but for the columns that are not used
-        used = {"observable": stream.observables, "independent": selection.independent}
-        return fit(observations, model, noise=noise, method="lsq", seed=seed, **used)
+        return fit(
+            observations,
+            model,
+            noise=noise,
+            method="lsq",
+            seed=seed,
+            observable=stream.observables,
+            independent=selection.independent,
+        )
 
     try:
         if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
