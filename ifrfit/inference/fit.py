@@ -163,7 +163,7 @@ def _streamed(
     if stream is None:
         refuse_crew_in_memory(estimator, was_large=True)
         return None
-    asked = asked_of_stream(model, closure, noise, seed)
+    asked = asked_of_stream(stream, model, closure, noise, seed)
     if model.closure == Model.closure:
         asked = replace(asked, assumed=(f"closure {closure.title}", *asked.assumed))
     resume = getattr(estimator, "resume", None)
@@ -228,7 +228,9 @@ def _is_plain_file(path: Path) -> bool:
     return not (path.is_dir() or path.name.lower().endswith((".gz", ".zst")))
 
 
-def asked_of_stream(model: Model, closure: Closure, noise: Noise, seed: int) -> Asked:
+def asked_of_stream(
+    stream: ImpactStream, model: Model, closure: Closure, noise: Noise, seed: int
+) -> Asked:
     """What is asked of data that are not held in memory."""
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
@@ -236,7 +238,16 @@ def asked_of_stream(model: Model, closure: Closure, noise: Noise, seed: int) -> 
     assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
 
     def of_sample(observations: Observations) -> FitResult:
-        return fit(observations, model, noise=noise, method="lsq", seed=seed)
+        # its rows are those of the selection already, but for the columns that are not used
+        return fit(
+            observations,
+            model,
+            noise=noise,
+            method="lsq",
+            seed=seed,
+            observable=stream.observables,
+            independent=stream.selection.independent,
+        )
 
     return Asked(closure, tuple(model.parameters(inertia)), of_sample, assumed)
 

@@ -139,7 +139,7 @@ def _compare_stream(
     from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
 
-    asked = [asked_of_stream(model.with_closure(c), c, noise, seed) for c in closures]
+    asked = [asked_of_stream(stream, model.with_closure(c), c, noise, seed) for c in closures]
     found = fit_stream(
         Reader(stream),
         asked,

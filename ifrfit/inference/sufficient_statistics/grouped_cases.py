@@ -27,9 +27,10 @@ from ifrfit.inference.bootstrap.schemes import FEWEST, Cases, prior_means
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_groups
-from ifrfit.inference.sufficient_statistics.moments import Moments, bin_of, edges
+from ifrfit.inference.sufficient_statistics.moments import Moments, Place, edges, middles
 from ifrfit.inference.sufficient_statistics.passes import Progress, Reader, Tell
 from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
+from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ class GroupedSums:
     @classmethod
     def nothing(cls, low: Index, high: Index, weighted: bool, bins: int, observables: int) -> GroupedSums:
         """Of no impacts."""
-        return cls(low, high, weighted, bins, Moments.nothing(low.size * observables * GROUPS, 2))
+        return cls(low, high, weighted, bins, Moments.nothing(1, 2 * low.size * observables * GROUPS))
 
     def anew(self) -> GroupedSums:
         """Of no impacts, with the same intervals."""
@@ -80,11 +81,19 @@ class GroupedSums:
         """Add the impacts of a batch."""
         lots = lots_of_rows(batch.number, batch.first, batch.gamma_deg.size)
         groups = (lots % np.uint64(GROUPS)).astype(np.intp)
+        place, _ = intervals_of(batch.incidence, middles(self.bins))
         for number, name in enumerate(stream.observables):
-            self._add(batch, stream, groups, number, name, batch.values[name])
+            self._add(batch, stream, groups, place, number, name, batch.values[name])
 
     def _add(
-        self, batch: Batch, stream: ImpactStream, groups: Index, number: int, name: str, values: Values
+        self,
+        batch: Batch,
+        stream: ImpactStream,
+        groups: Index,
+        place_of: Place,
+        number: int,
+        name: str,
+        values: Values,
     ) -> None:
         at, value, sigma = values
         if not at.size:
@@ -101,7 +110,7 @@ class GroupedSums:
             slides = incidence.slip > 0.0
             x = np.divide(incidence.cosine, incidence.slip, out=np.zeros(at.size), where=slides)
             r, slope = value - offset, np.where(slides, slope, 0.0)
-            place = bin_of(incidence.slip, incidence.cosine, self.bins)
+            place = place_of[at]
             side = np.where(place > self.high[series], _ABOVE, _BELOW)
             inside = (place >= self.low[series]) & (place <= self.high[series])
             own = at[inside]
@@ -112,7 +121,7 @@ class GroupedSums:
             side, w, slope, r, x = side[kept], w[kept], slope[kept], r[kept], x[kept]
             series, group = series[kept], group[kept]
         row = (series * len(stream.observables) + number) * GROUPS + group
-        self.moments.add(row, side.astype(np.intp), w, slope, r, x)
+        self.moments.add(0, (2 * row + side).astype(np.int32), w, slope, r, x)
 
     def merge(self, following: GroupedSums) -> None:
         """Add what was found of later portions."""

@@ -19,11 +19,12 @@ from ifrfit.data.stream.portions import FIRST_ROWS, Portion
 from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
-from ifrfit.inference.sufficient_statistics.moments import bin_of
+from ifrfit.inference.sufficient_statistics.moments import middles
 from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
 from ifrfit.inference.workers.crews import TRIES, Crew
 from ifrfit.inference.workers.lots import in_order
+from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 
 Mask = NDArray[np.bool_]
@@ -160,9 +161,9 @@ def _rows(
     for portion in portions:
         tally, rows = Tally(), WindowRows(inside)
         for batch in stream.batches(portion, tally):
-            place = bin_of(batch.incidence.slip, batch.incidence.cosine, bins)
+            place, _ = intervals_of(batch.incidence, middles(bins))
             for name in names:
-                rows.add(name, batch, batch.values[name], place[batch.values[name].at])
+                rows.add(name, batch, batch.values[name], place)
             if tell is not None:
                 tell(tally.rows)
         found.append((tally, rows))

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
-from ifrfit.data.selection import select
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
@@ -52,7 +51,7 @@ SampleFit = Callable[[Observations], FitResult]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
+_MANY = (3_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
 _METHODS = ("exact", "lsq", "profile", "bootstrap")
 _BEATEN = 100.0  # of minus twice the log likelihood, beyond which a closure has no hope
 _SHOWN = 0.997  # level up to which a profile is looked at
@@ -332,9 +331,7 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     stream = of.stream
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
-    wanted = replace(stream.selection, observable=stream.observables)
     try:
-        sample = observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor)
-        return fit_sample(select(sample, wanted))
+        return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error
