@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem, Transition
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, cell_constraints, cell_minima
 
 _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
@@ -70,9 +70,7 @@ class SolvedCells:
         return float(self.bounds[rest].min(initial=np.inf))
 
 
-def local_minima(
-    problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: SolvedCells
-) -> list[tuple[float, Array]]:
+def local_minima(transition: Transition, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
     """Distinct local minima within `NEAR` of the least, best first.
 
     A cell's minimum on a kink is one of the whole only if the cell beyond the kink goes no lower; equal
@@ -85,9 +83,9 @@ def local_minima(
     order = np.argsort(found.cells[near])
     number, value, point = found.cells[near][order], found.values[near][order], found.points[near][order]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
-    kappa, bound = point @ problem.kappa + problem.kappa0, point @ problem.bound + problem.bound0
+    kappa, bound = transition.at(point)
     neighbours = np.diff(number) == 1
-    kink = quadratic.high[number[:-1]]
+    kink = high[number[:-1]]
     linked = neighbours & (_touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink))
     minima: list[tuple[float, Array]] = []
     for chain in np.split(np.arange(number.size), np.flatnonzero(~linked) + 1):
