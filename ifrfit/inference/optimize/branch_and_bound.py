@@ -234,7 +234,8 @@ def branch_over(cells: Cells, n_first: int, *, count_minima: bool = False) -> Br
             # all sliding and all sticking: whether they describe the data is asked for
             admitted[:, [0, -1]] |= near[:, [0, -1]]
     admitted.reshape(-1)[first] = False
-    solve(np.flatnonzero(admitted))
+    if n_first < m:
+        solve(np.flatnonzero(admitted))
     solved = admitted
     solved.reshape(-1)[first] = True
     sure = np.flatnonzero(solved & ~doubtful)

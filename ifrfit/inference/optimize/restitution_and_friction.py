@@ -49,7 +49,7 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
         return many.objective(e_n)
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
-    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.of_scale("rebound").any() else []
+    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.measures_scale("rebound") else []
     found = scalar_minima(objective_at, low, high, seeds)
     objective = found[0][0]
     minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
@@ -124,7 +124,7 @@ class ManyRestitutions:
 
 def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:
     lower = group.e_n.lower
-    if group.rows.of_scale("rebound").any():
+    if group.rows.measures_scale("rebound"):
         lower = max(lower, LOWEST)  # tan_psi_out has no value at e_n = 0
     if math.isfinite(group.e_n.upper):
         return lower, group.e_n.upper

@@ -177,7 +177,7 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     certified : bool
         Whether a certified search over e_n is wanted where no other road is; else None.
     """
-    if group.rows.of_kind("curved").any():
+    if group.rows.measures("curved"):
         return None
     plain = _in_c_and_kappa(group)
     if plain is not None:
@@ -204,18 +204,17 @@ def _in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
     if optimum is None:
         return None
     e_n, objective = restitution_optimum(group)
-    held = replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None))
     unit = 1.0 + e_n
     minima = tuple((value + objective, (e_n, t[0], t[1] / unit)) for value, t in optimum.optima)
     extremes = [(e_n, t[0], t[1] / unit) for t in optimum.extremes]
-    extremes += _unlimited(held, optimum, minima[0][1])
+    extremes += _unlimited(group, optimum, minima[0][1])
     return GroupOptimum(minima[0][1], optimum.chi2 + objective, optimum.gap, minima, tuple(extremes))
 
 
 def _extremes(group: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
-    if not group.rows.of_kind("tangential").any():
+    if not group.rows.measures("tangential"):
         return tuple(found)
     return (*found, *_unlimited(group, optimum, form.to_constants(optimum.t)))
 
@@ -242,15 +241,15 @@ def center_unmeasured(group: ParameterGroup, constants: Constants) -> Constants:
     e_n is put into the middle of what bounds of mu allow.
     """
     e_n, c, mu = constants
-    if group.c.fixed is None and group.c.prior is None and not group.rows.of_kind("tangential").any():
+    if group.c.fixed is None and group.c.prior is None and not group.rows.measures("tangential"):
         c = 0.5 * (group.c.lower + group.c.upper)
         constants = e_n, c, mu
     touched = (
         group.e_n.fixed is not None
         or group.e_n.prior is not None
-        or group.rows.of_kind("normal", "friction").any()
-        or group.rows.of_scale("impulse").any()
-        or group.rows.of_scale("rebound").any()
+        or group.rows.measures("normal", "friction")
+        or group.rows.measures_scale("impulse")
+        or group.rows.measures_scale("rebound")
         or group.mu.fixed is not None
         or group.mu.prior is not None
     )

@@ -8,6 +8,7 @@ and four edges leave a minimum in closed form: section 6 of docs/theory/certific
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,49 +23,39 @@ Bool = NDArray[np.bool_]
 
 UU, UV, VV, UUX, UUXX, UVX = range(6)  # sums of products of u, v and x
 CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 2 C c - 2 K kappa + ONE
+N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
-def row_products(u: Array, v: Array, x: Array) -> Array:
-    """The products of each row that are summed, (6, ...)."""
-    terms = np.empty((6, *u.shape))
-    ux = u * x
-    np.multiply(u, u, out=terms[UU])
-    np.multiply(u, v, out=terms[UV])
-    np.multiply(v, v, out=terms[VV])
-    np.multiply(u, ux, out=terms[UUX])
-    np.multiply(ux, ux, out=terms[UUXX])
-    np.multiply(ux, v, out=terms[UVX])
-    return terms
+def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
+    """Write the products of each row that are summed to `out`, (6, ...)."""
+    np.multiply(u, u, out=out[UU])
+    np.multiply(u, v, out=out[UV])
+    np.multiply(v, v, out=out[VV])
+    np.multiply(u, x, out=out[UVX])
+    np.multiply(u, out[UVX], out=out[UUX])
+    np.multiply(out[UVX], out[UVX], out=out[UUXX])
+    out[UVX] *= v
 
 
-def cell_quadratics(below: Array, above: Array, law: Coefficients) -> Array:
-    """Coefficients of chi2 in (c, kappa), (6, ...), in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`.
+def quadratic_matrix(law: Coefficients) -> Array:
+    """What makes the coefficients of chi2 in (c, kappa) from the sums, (6, 9).
 
-    Parameters
-    ----------
-    below, above : ndarray, (6, ...)
-        Sums over the rows that stick, and over those that slide.
-    law : Coefficients
+    The coefficients come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`; of the sums the first three are over
+    the rows that stick, the other six over those that slide.
     """
     a, b = law.a0 + law.b0, law.a1 + law.b1
-    stick, slide = np.zeros((6, 3)), np.zeros((6, 6))
+    made = np.zeros((6, 9))
+    stick, slide = made[:, :N_BELOW], made[:, N_BELOW:]
     stick[CC, UU] = b * b
-    stick[C, [UV, UU]] = b, -b * a
-    stick[ONE, [VV, UV, UU]] = 1.0, -2.0 * a, a * a
+    stick[C, UV], stick[C, UU] = b, -b * a
+    stick[ONE, UU], stick[ONE, UV], stick[ONE, VV] = a * a, -2.0 * a, 1.0
     slide[CC, UU] = law.a1**2
     slide[CK, UUX] = law.a1
     slide[KK, UUXX] = 1.0
-    slide[C, [UV, UU]] = law.a1, -law.a1 * law.a0
-    slide[K, [UVX, UUX]] = 1.0, -law.a0
-    slide[ONE, [VV, UV, UU]] = 1.0, -2.0 * law.a0, law.a0**2
-    return np.asarray(np.tensordot(stick, below[:3], 1) + np.tensordot(slide, above, 1))
-
-
-def size_of_terms(below: Array, above: Array, law: Coefficients) -> Array:
-    """Sum of the absolute terms of `ONE`, by which its rounding error is told."""
-    a, a0 = abs(law.a0 + law.b0), abs(law.a0)
-    stick = below[VV] + 2.0 * a * np.abs(below[UV]) + a * a * below[UU]
-    return np.asarray(stick + above[VV] + 2.0 * a0 * np.abs(above[UV]) + a0 * a0 * above[UU])
+    slide[C, UV], slide[C, UU] = law.a1, -law.a1 * law.a0
+    slide[K, UVX], slide[K, UUX] = 1.0, -law.a0
+    slide[ONE, UU], slide[ONE, UV], slide[ONE, VV] = law.a0**2, -2.0 * law.a0, 1.0
+    return made
 
 
 def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, Bool]:
@@ -105,7 +96,7 @@ def lowest_on_wall(form: Array, tau: Array, law: Coefficients, domain: tuple[flo
     curved = form[CC] + (2.0 * form[CK] + form[KK] * turn) * turn
     slope = form[C] - form[CK] * foot + (form[K] - form[KK] * foot) * turn
     c = np.divide(slope, curved, out=np.zeros_like(slope), where=curved > 0.0)
-    return np.asarray(np.clip(c, *domain))
+    return np.asarray(np.minimum(np.maximum(c, domain[0]), domain[1]))
 
 
 @dataclass(frozen=True)
@@ -115,7 +106,9 @@ class TransitionCells:
     Attributes
     ----------
     form : ndarray, (6, m)
-        See `cell_quadratics`.
+        See `quadratic_matrix`.
+    size : ndarray, (m,)
+        Of the terms that make up chi2 at c = kappa = 0.
     n_stick : ndarray of int, (m,)
         How many rows stick; -1 for the void between cells that are no neighbours.
     low, high : ndarray, (m,)
@@ -123,20 +116,31 @@ class TransitionCells:
     law : Coefficients
     domain : (float, float)
         Of c.
-    size : ndarray, (m,)
-        Of the terms that make up chi2 at c = kappa = 0.
     rounding : float
         Relative error of a sum.
     """
 
     form: Array
+    size: Array
     n_stick: Index
     low: Array
     high: Array
     law: Coefficients
     domain: tuple[float, float]
-    size: Array
     rounding: float
+
+    @classmethod
+    def joined(cls, runs: Sequence[TransitionCells]) -> TransitionCells:
+        """Runs of cells, with a void between one and the next."""
+        first, *rest = runs
+        if not rest:
+            return first
+        void = np.zeros((6, 1)), np.zeros(1), np.array([-1]), np.zeros(1), np.array([np.inf])
+        parts = [(first.form, first.size, first.n_stick, first.low, first.high)]
+        for each in rest:
+            parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
+        joined = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        return cls(*joined, first.law, first.domain, max(each.rounding for each in runs))
 
     @property
     def n_cells(self) -> int:
@@ -165,31 +169,40 @@ class TransitionCells:
         """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
         form, low, high = self.form[:, which], self.low[which], self.high[which]
         law, (first, last) = self.law, self.domain
-        c, kappa = np.empty((5, which.size)), np.empty((5, which.size))
+        cc, ck, kk, of_c, of_k, _ = form
+        c, kappa = np.empty((2, 5, which.size))
+        walls = np.empty((2, which.size))
+        walls[0] = low
+        # beyond the last row nothing depends on kappa: its wall is as good as any place
+        np.copyto(walls[1], high)
+        np.copyto(walls[1], low, where=high == np.inf)
         with np.errstate(all="ignore"):
-            det = form[CC] * form[KK] - form[CK] ** 2
-            c[0] = (form[C] * form[KK] - form[CK] * form[K]) / det
-            kappa[0] = (form[CC] * form[K] - form[CK] * form[C]) / det
+            det, both = ck * ck, cc * kk
+            np.subtract(both, det, out=det)
+            c[0] = (of_c * kk - ck * of_k) / det
+            kappa[0] = (cc * of_k - ck * of_c) / det
             bound = law.b0 + law.b1 * c[0]
             inside = (c[0] >= first) & (c[0] <= last) & (kappa[0] >= low * bound)
-            inside &= (kappa[0] <= high * bound) & (det > FLAT * form[CC] * form[KK])
-            # beyond the last row nothing depends on kappa: its wall is as good as any place
-            walls = np.stack((low, np.where(np.isinf(high), low, high)))
+            inside &= (kappa[0] <= high * bound) & (det > FLAT * both)
             c[1:3] = lowest_on_wall(form, walls, law, self.domain)
-            kappa[1:3] = walls * (law.b0 + law.b1 * c[1:3])
             c[3], c[4] = first, last
-            bound = law.b0 + law.b1 * c[3:]
-            along = (form[K] - form[CK] * c[3:]) / form[KK]
-            along = np.where(form[KK] > 0.0, along, 0.0)
-            kappa[3:] = np.minimum(np.maximum(along, walls[0] * bound), walls[1] * bound)
+            along = (of_k - ck * c[3:]) / kk
+            along[:, kk <= 0.0] = 0.0
+            kappa[3:] = along
+            ends = walls[:, None] * (law.b0 + law.b1 * c[1:])
+            kappa[1], kappa[2] = ends[0, 0], ends[1, 1]
+            np.maximum(kappa[3:], ends[0, 2:], out=kappa[3:])
+            np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:])
             value = value_at(form, c, kappa)
-        value[0] = np.where(inside, value[0], np.inf)
+            value[0, ~inside] = np.inf
         best, cell = value.argmin(axis=0), np.arange(which.size)
-        points = np.stack((c[best, cell], kappa[best, cell]), axis=1)
-        linear = np.abs(form[C] * points[:, 0]) + np.abs(form[K] * points[:, 1])
+        points = np.empty((which.size, 2))
+        points[:, 0], points[:, 1] = c[best, cell], kappa[best, cell]
+        linear = np.abs(form[C : K + 1] * points.T).sum(axis=0)
         return CellMinima(value[best, cell], self.rounding * (self.size[which] + 4.0 * linear), points)
 
-    @property
-    def knows_c(self) -> Bool:
-        """In which cells chi2 depends on c at all, (m,)."""
-        return np.asarray(self.form[CC] > 0.0)
+    def determine(self, which: Index) -> bool:
+        """Whether chosen cells determine c, and kappa where any row slides."""
+        form = self.form[:, which]
+        pivot = form[CC] * form[KK] - form[CK] ** 2
+        return bool(((form[CC] > 0.0) & (pivot >= DOUBTFUL * form[CC] * form[KK])).all())

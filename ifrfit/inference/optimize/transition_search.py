@@ -11,45 +11,59 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.branch_and_bound import branch_over, optimum_of
 from ifrfit.inference.optimize.parameter_group import ParameterGroup
 from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum, Transition
 from ifrfit.inference.optimize.solved_cells import DOUBT
 from ifrfit.inference.optimize.transition_cells import (
     CC,
+    N_BELOW,
     ONE,
+    UU,
+    UV,
+    VV,
     C,
     Index,
     TransitionCells,
-    cell_quadratics,
     lowest_anywhere,
     lowest_on_wall,
+    quadratic_matrix,
     row_products,
-    size_of_terms,
     value_at,
 )
 from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.physics.observable import Observable
 
-_FEW = 400  # rows that are sorted at once
+_FEW = 2000  # rows that are sorted at once
 _FINE = 8.0  # intervals, times the root of the number of rows: it balances sums against rows that are sorted
 _MOST_BINS = 8192
+_NARROW = 1e-6  # relative spread of 1 + tau below which intervals would lose their digits
 _BLOCK = 16384  # rows at once, which stay in the cache
-_FIRST = 8  # cells that are solved to get a first value
+_FIRST = 64  # cells that are solved to get a first value
 _SAMPLE = 256  # rows that tell what is typical
 _EPS = float(np.finfo(float).eps)
+_KAPPA = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class ImpulseRows:
-    """Weighted measurements of the impulse factor k: residual = v - u k.
+    """Weighted measurements of the impulse factor k, made from the rows of a group as they are asked for.
+
+    The residual of a row is v - u k, with u its slope and v its value less its offset, over sigma.
 
     Attributes
     ----------
-    tau, u, v : ndarray, (n,)
-        Slip ratio, slope over sigma, value less offset over sigma.
+    rows : Rows
+    weight : ndarray, (n,)
+        1/sigma.
+    inertia_factor : float
+    parts : tuple of (Observable, float)
+        Observables that measure k, and what their slope and offset are multiplied by.
     law : Coefficients
     domain : (float, float)
         Of c.
@@ -57,9 +71,10 @@ class ImpulseRows:
         Mean and sd of an auxiliary measurement of c.
     """
 
-    tau: Array
-    u: Array
-    v: Array
+    rows: Rows
+    weight: Array
+    inertia_factor: float
+    parts: tuple[tuple[Observable, float], ...]
     law: Coefficients
     domain: tuple[float, float]
     prior: tuple[float, float] | None = None
@@ -77,67 +92,171 @@ class ImpulseRows:
         if e_n.fixed is not None and e_n.fixed > 0.0:
             scale |= {"impulse": 1.0 / (1.0 + e_n.fixed), "rebound": 1.0 / e_n.fixed}
         parts, rows = [], group.rows
-        for observable, at, incidence in rows.by_observable:
+        for observable in rows.measured:
             if observable.kind == "normal":
                 continue
-            if observable.kind != "tangential" or observable.scale not in scale or observable.linear is None:
+            if observable.kind != "tangential" or observable.scale not in scale:
                 return None
-            factor = scale[observable.scale]
-            offset, slope = observable.linear(incidence, group.inertia_factor)
-            here = slice(None) if at.size == len(rows) else at
-            weight = group.weight[here]
-            v = rows.value[here] - (offset if factor == 1.0 else offset * factor)
-            v *= weight
-            slope = slope * weight
-            parts.append((rows.tau[here], slope if factor == 1.0 else slope * factor, v))
+            parts.append((observable, scale[observable.scale]))
         if not parts:
             return None
-        joined = parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
-        return cls(*joined, group.coefficients, (own.lower, own.upper), own.prior)
+        domain = own.lower, own.upper
+        measures = tuple(parts)
+        return cls(rows, group.weight, group.inertia_factor, measures, group.coefficients, domain, own.prior)
 
-    def centred(self) -> tuple[ImpulseRows, float]:
-        """The same in c less the middle of its domain, and k less a typical value: sums keep more digits."""
-        step = max(1, self.tau.size // _SAMPLE)
-        u, v = self.u[::step], self.v[::step]
-        square, law = float(u @ u), self.law
-        middle, c = (float(u @ v) / square if square > 0.0 else 0.0), 0.5 * (self.domain[0] + self.domain[1])
-        prior = None if self.prior is None else (self.prior[0] - c, self.prior[1])
-        shifted = Coefficients(law.a0 + law.a1 * c - middle, law.a1, law.b0 + law.b1 * c, law.b1)
-        domain = self.domain[0] - c, self.domain[1] - c
-        return ImpulseRows(self.tau, self.u, self.v - middle * self.u, shifted, domain, prior), c
+    @cached_property
+    def places(self) -> Index | None:
+        """Rows that measure k; None for all."""
+        if len(self.parts) == len(self.rows.measured):
+            return None
+        kept = [observable.name for observable, _ in self.parts]
+        return np.flatnonzero(self.rows.is_any_of(kept))
 
-    def chi2(self, c: float, kappa: float) -> float:
-        """The sum of squares and the square of the prior, from the rows themselves."""
-        a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
-        total = 0.0
-        for at in self.blocks():
-            k = kappa / self.tau[at]
-            np.minimum(k, b, out=k)
-            k += a
-            k *= self.u[at]
-            k -= self.v[at]
-            total += float(k @ k)
-        return total if self.prior is None else total + ((c - self.prior[0]) / self.prior[1]) ** 2
+    @cached_property
+    def tau(self) -> Array:
+        """Slip ratios, (n,)."""
+        return self.rows.tau if self.places is None else self.rows.tau[self.places]
 
     def blocks(self) -> Iterator[slice]:
         """Parts of the rows."""
         for start in range(0, self.tau.size, _BLOCK):
             yield slice(start, start + _BLOCK)
 
-    def quadratics(self, below: Array, above: Array) -> Array:
-        """Coefficients of chi2, prior included, where some rows stick and others slide."""
-        form = cell_quadratics(below, above, self.law)
-        if self.prior is not None:
-            mean, sd = self.prior
+    def of_places(self, at: slice | Index) -> tuple[Array, Array]:
+        """u and v of some of the rows."""
+        at = at if self.places is None else self.places[at]
+        incidence = self.rows.incidence.map(lambda part: part[..., at])
+        weight, value = self.weight[at], self.rows.value[at]
+        u, v = np.empty((2, weight.size))
+        which = None if len(self.parts) == 1 else self.rows.which[at]
+        for observable, factor in self.parts:
+            assert observable.linear is not None
+            offset, slope = observable.linear(incidence, self.inertia_factor)
+            if factor != 1.0:
+                offset, slope = factor * offset, factor * slope
+            if which is None:
+                u, v = slope, np.subtract(value, offset, out=v)
+            else:
+                here = which == self.rows.names.index(observable.name)
+                u[here], v[here] = slope[here], (value - offset)[here]
+        v *= weight
+        return u * weight, v
+
+    def chi2(self, c: float, kappa: float) -> float:
+        """The sum of squares and the square of the prior, from the rows themselves."""
+        a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
+        total = 0.0
+        for at in self.blocks():
+            u, v = self.of_places(at)
+            k = kappa / self.tau[at]
+            np.minimum(k, b, out=k)
+            k += a
+            k *= u
+            k -= v
+            total += float(k @ k)
+        return total if self.prior is None else total + ((c - self.prior[0]) / self.prior[1]) ** 2
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """How sums are taken of rows: in c less the middle of its domain, and k less a typical value.
+
+    So they keep more digits.
+
+    Attributes
+    ----------
+    rows : ImpulseRows
+    c, k : float
+        What is taken off.
+    """
+
+    rows: ImpulseRows
+    c: float
+    k: float
+
+    @classmethod
+    def of(cls, rows: ImpulseRows) -> _Sums:
+        n = rows.tau.size
+        u, v = rows.of_places(slice(None, None, max(1, n // _SAMPLE)))
+        square = float(u @ u)
+        return cls(
+            rows, 0.5 * (rows.domain[0] + rows.domain[1]), float(u @ v) / square if square > 0.0 else 0.0
+        )
+
+    @cached_property
+    def law(self) -> Coefficients:
+        """Of what is left of k."""
+        law = self.rows.law
+        return Coefficients(law.a0 + law.a1 * self.c - self.k, law.a1, law.b0 + law.b1 * self.c, law.b1)
+
+    @cached_property
+    def domain(self) -> tuple[float, float]:
+        """Of what is left of c."""
+        return self.rows.domain[0] - self.c, self.rows.domain[1] - self.c
+
+    @cached_property
+    def matrix(self) -> Array:
+        """See `quadratic_matrix`."""
+        return quadratic_matrix(self.law)
+
+    def products(self, at: slice | Index, out: Array) -> Array:
+        """Products of some of the rows, (6, n)."""
+        u, v = self.rows.of_places(at)
+        v -= self.k * u
+        row_products(u, v, 1.0 / self.rows.tau[at], out)
+        return out
+
+    def quadratics(self, sums: Array) -> tuple[Array, Array]:
+        """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
+        form = self.matrix @ sums
+        size = np.abs(self.matrix[ONE]) @ np.abs(sums)
+        if self.rows.prior is not None:
+            mean, sd = self.rows.prior[0] - self.c, self.rows.prior[1]
             form[CC] += 1.0 / sd**2
             form[C] += mean / sd**2
             form[ONE] += (mean / sd) ** 2
-        return form
+            size += (mean / sd) ** 2
+        return form, size
 
-    def size(self, below: Array, above: Array) -> Array:
-        """Of the terms that make up chi2 at c = kappa = 0 in each cell."""
-        prior = 0.0 if self.prior is None else (self.prior[0] / self.prior[1]) ** 2
-        return size_of_terms(below, above, self.law) + prior
+    def cells(
+        self, order: Index, outside: Array, ends: tuple[float, float], n_below: int, depth: float
+    ) -> TransitionCells:
+        """Cells of some rows, in ascending order of tau.
+
+        Parameters
+        ----------
+        order : ndarray of int, (n,)
+        outside : ndarray, (9,)
+            Sums over the rows below, which stick, and over those above.
+        ends : (float, float)
+            Slip ratios between which the transition lies.
+        n_below : int
+            Rows below.
+        depth : float
+            Terms in a sum.
+        """
+        tau, n = self.rows.tau[order], order.size
+        terms = self.products(order, np.empty((6, n)))
+        sums = np.empty((9, n + 1))
+        sums[:] = outside[:, None]
+        sums[:N_BELOW, 1:] += terms[:N_BELOW].cumsum(axis=1)
+        # not as what is left of all: where x is large the difference would lose its digits
+        sums[N_BELOW:, -2::-1] += terms[:, ::-1].cumsum(axis=1)
+        low, high = np.empty(n + 1), np.empty(n + 1)
+        low[0], high[-1] = ends
+        low[1:] = high[:-1] = tau
+        n_stick = np.arange(n_below, n_below + n + 1)
+        change = high > low
+        if not change.all():  # rows of equal tau change together
+            sums, low, high, n_stick = sums[:, change], low[change], high[change], n_stick[change]
+        return TransitionCells(
+            *self.quadratics(sums), n_stick, low, high, self.law, self.domain, _rounding(depth)
+        )
+
+    def all_cells(self) -> TransitionCells:
+        """The cells of all rows."""
+        order = self.rows.tau.argsort()
+        return self.cells(order, np.zeros(9), (0.0, np.inf), 0, float(order.size))
 
 
 def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
@@ -147,66 +266,30 @@ def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     ----------
     rows : ImpulseRows
     """
-    if rows.tau.size == 0 or not (rows.tau.min() > 0.0 and rows.tau.max() < np.inf):
+    low, high = float(rows.tau.min(initial=np.inf)), float(rows.tau.max(initial=0.0))
+    if not 0.0 < low <= high < np.inf:
         return None
-    rows, center = rows.centred()
-    cells = _all_cells(rows) if rows.tau.size <= _FEW else _cells_by_bins(rows)
-    if cells is None:
-        return None
-    transition = Transition(_KAPPA, 0.0, np.array([rows.law.b1, 0.0]), rows.law.b0)
+    sums = _Sums.of(rows)
+    if rows.tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
+        cells = sums.all_cells()
+    else:
+        cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
     found = branch_over(cells, _FIRST, count_minima=True).member(0)
     slack = DOUBT * max(1.0, abs(found.value))
     if not found.errors[found.best] <= slack or (found.bounds < found.value - slack).any():
         return None
-    if not cells.knows_c[found.cells[found.values <= found.value + NEAR]].all():
+    if not cells.determine(found.cells[found.values <= found.value + NEAR]):
         return None  # a valley without end: where in it the point lies is for the general code to say
-    chi2 = rows.chi2(*found.point.tolist())
-    return optimum_of(transition, cells, found, chi2, rows.tau.size).moved(np.array([center, 0.0]), 0.0)
-
-
-_KAPPA = np.array([0.0, 1.0])
+    c, kappa = found.point.tolist()
+    chi2 = rows.chi2(c + sums.c, kappa)
+    law = sums.law
+    transition = Transition(_KAPPA, 0.0, np.array([law.b1, 0.0]), law.b0)
+    return optimum_of(transition, cells, found, chi2, rows.tau.size).moved(np.array([sums.c, 0.0]), 0.0)
 
 
 def _rounding(depth: float) -> float:
     """Relative error of sums so many terms deep."""
     return 4.0 * _EPS * max(16.0, math.sqrt(depth))
-
-
-def _all_cells(rows: ImpulseRows) -> TransitionCells:
-    """The cells of all rows."""
-    order = rows.tau.argsort()
-    nothing = np.zeros((6, 1))
-    return _cells_of(rows, order, nothing, nothing, (0.0, np.inf), 0, float(rows.tau.size))
-
-
-def _cells_of(
-    rows: ImpulseRows,
-    order: Index,
-    below: Array,
-    above: Array,
-    ends: tuple[float, float],
-    n_below: int,
-    depth: float,
-) -> TransitionCells:
-    """Cells of some rows, in ascending order of tau, between sums of those that stick and those that slide."""
-    tau = rows.tau[order]
-    terms = row_products(rows.u[order], rows.v[order], 1.0 / tau)
-    n = tau.size
-    sums = np.empty((2, 6, n + 1))
-    sums[0] = below
-    sums[1] = above
-    sums[0, :, 1:] += terms.cumsum(axis=1)
-    # not as what is left of all: where x is large the difference would lose its digits
-    sums[1, :, -2::-1] += terms[:, ::-1].cumsum(axis=1)
-    low, high = np.empty(n + 1), np.empty(n + 1)
-    low[0], high[-1] = ends
-    low[1:] = high[:-1] = tau
-    n_stick = np.arange(n_below, n_below + n + 1)
-    change = high > low
-    if not change.all():  # rows of equal tau change together
-        sums, low, high, n_stick = sums[:, :, change], low[change], high[change], n_stick[change]
-    form, size = rows.quadratics(sums[0], sums[1]), rows.size(sums[0], sums[1])
-    return TransitionCells(form, n_stick, low, high, rows.law, rows.domain, size, _rounding(depth))
 
 
 @dataclass(frozen=True)
@@ -229,96 +312,68 @@ class _Bins:
     edges: Array
 
     @classmethod
-    def of(cls, rows: ImpulseRows) -> _Bins:
-        m = min(int(_FINE * math.sqrt(rows.tau.size)), _MOST_BINS)
+    def of(cls, own: _Sums, low: float, high: float) -> _Bins:
+        """Intervals between the lowest tau and the highest."""
+        tau = own.rows.tau
+        m = min(int(_FINE * math.sqrt(tau.size)), _MOST_BINS)
         # 1/(1 + tau) is spread as angles are, and never rises with tau, rounded or not
-        top, bottom = 1.0 / (1.0 + float(rows.tau.min())), 1.0 / (1.0 + float(rows.tau.max()))
-        scale = m * (1.0 - 4.0 * _EPS) / max(top - bottom, _EPS)
-        which = np.empty(rows.tau.size, dtype=np.intp)
+        top = 1.0 / (1.0 + low)
+        scale = m * (1.0 - 1e-9) / (top - 1.0 / (1.0 + high))
+        which = np.empty(tau.size, dtype=np.intp)
         count, sums = np.zeros(m, dtype=np.intp), np.zeros((6, m))
-        for at in rows.blocks():
-            tau, u, v = rows.tau[at], rows.u[at], rows.v[at]
-            place = tau + 1.0
+        buffer = np.empty((6, min(_BLOCK, tau.size)))
+        for at in own.rows.blocks():
+            place = tau[at] + 1.0
             np.divide(-scale, place, out=place)
             place += top * scale
-            np.clip(place, 0.0, m - 1, out=place)
-            own = which[at]
-            own[:] = place
-            count += np.bincount(own, minlength=m)
-            for total, terms in zip(sums, row_products(u, v, 1.0 / tau), strict=True):
-                total += np.bincount(own, terms, m)
+            here = which[at]
+            here[:] = place
+            count += np.bincount(here, minlength=m)
+            for total, terms in zip(sums, own.products(at, buffer[:, : place.size]), strict=True):
+                total += np.bincount(here, terms, m)
         edges = 1.0 / (top - np.arange(m + 1.0) / scale) - 1.0
         edges[0], edges[-1] = 0.0, np.inf
         return cls(which, count, sums, edges)
 
 
-def _cells_by_bins(rows: ImpulseRows) -> TransitionCells | None:
-    """The cells of the intervals that may hold a minimum; None where these hold most of the rows."""
-    bins = _Bins.of(rows)
-    m = bins.count.size
-    below, above = np.zeros((6, m + 1)), np.zeros((6, m + 1))
-    np.cumsum(bins.sums, axis=1, out=below[:, 1:])
-    np.cumsum(bins.sums[:, ::-1], axis=1, out=above[:, m - 1 :: -1])
+def _cells_by_bins(own: _Sums, bins: _Bins) -> TransitionCells:
+    """The cells of the intervals that may hold a minimum within `NEAR` of the best."""
+    m, law = bins.count.size, own.law
+    outside = np.zeros((9, m + 1))  # below and above each edge
+    np.cumsum(bins.sums[:N_BELOW], axis=1, out=outside[:N_BELOW, 1:])
+    np.cumsum(bins.sums[:, ::-1], axis=1, out=outside[N_BELOW:, m - 1 :: -1])
     depth = float(m + bins.count.max())
-    law, bounds = rows.law, _lowest_in_bins(rows, bins, below, above, depth)
     # the transition on an edge between intervals: a value that is met
-    form, tau = rows.quadratics(below[:, 1:-1], above[:, 1:-1]), bins.edges[1:-1]
-    c = lowest_on_wall(form, tau, law, rows.domain)
+    form, tau = own.quadratics(outside[:, 1:-1])[0], bins.edges[1:-1]
+    c = lowest_on_wall(form, tau, law, own.domain)
     met = float(value_at(form, c, tau * (law.b0 + law.b1 * c)).min())
-    chosen = bounds <= met + NEAR
-    if bins.count[chosen].sum() > max(0.5 * rows.tau.size, _FEW):
-        return _all_cells(rows)
+    chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
     inner = np.flatnonzero(chosen[bins.which])
-    inner = inner[rows.tau[inner].argsort()]
-    starts = np.flatnonzero(chosen & ~np.concatenate(([False], chosen[:-1])))
-    stops = np.flatnonzero(chosen & ~np.concatenate((chosen[1:], [False]))) + 1
+    inner = inner[own.rows.tau[inner].argsort()]
+    change = np.diff(chosen, prepend=False, append=False)
+    ends = np.flatnonzero(change).reshape(-1, 2)
     sticking = np.concatenate(([0], bins.count.cumsum()))
     pieces, first = [], 0
-    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+    for start, stop in ends.tolist():
         n_below = int(sticking[start])
         last = first + int(sticking[stop]) - n_below
-        ends = float(bins.edges[start]), float(bins.edges[stop])
-        sums = below[:, start, None], above[:, stop, None]
-        pieces.append(_cells_of(rows, inner[first:last], *sums, ends, n_below, depth + last - first))
+        around = np.concatenate((outside[:N_BELOW, start], outside[N_BELOW:, stop]))
+        walls = float(bins.edges[start]), float(bins.edges[stop])
+        pieces.append(own.cells(inner[first:last], around, walls, n_below, depth + last - first))
         first = last
-    return _joined(pieces)
+    return TransitionCells.joined(pieces)
 
 
-def _lowest_in_bins(rows: ImpulseRows, bins: _Bins, below: Array, above: Array, depth: float) -> Array:
+def _lowest_in_bins(own: _Sums, bins: _Bins, outside: Array, depth: float) -> Array:
     """Lower bound of chi2 with the transition in each interval, eq. (17) of certificate.md, (m,)."""
-    law, rounding = rows.law, _rounding(depth)
-    parts = below[:, :-1], above[:, 1:]
-    outside, doubtful = lowest_anywhere(rows.quadratics(*parts), rows.size(*parts), rounding)
-    np.maximum(outside, 0.0, out=outside)
-    outside[doubtful] = 0.0
-    steepest = max(abs(law.b0 + law.b1 * c) for c in rows.domain)
-    uu, uv, vv = bins.sums[:3]
+    rounding, law = _rounding(depth), own.rows.law
+    sums = np.concatenate((outside[:N_BELOW, :-1], outside[N_BELOW:, 1:]))
+    least, doubtful = lowest_anywhere(*own.quadratics(sums), rounding)
+    least = np.where(doubtful, 0.0, np.maximum(least, 0.0))
+    steepest = max(abs(law.b0 + law.b1 * c) for c in own.rows.domain)
+    uu, uv, vv = bins.sums[UU], bins.sums[UV], bins.sums[VV]
     along = np.divide(uv * uv, uu, out=np.zeros_like(uu), where=uu > 0.0)
     sticking = np.sqrt(np.maximum(vv - along - rounding * (vv + along), 0.0))
-    # the edges are where rounding may have put a row to either side
-    width = (1.0 - bins.edges[:-1] / bins.edges[1:]) * (1.0 + 1e-9) + 1e-12
-    return np.asarray(outside + np.maximum(sticking - steepest * width * np.sqrt(uu), 0.0) ** 2)
-
-
-def _joined(pieces: list[TransitionCells]) -> TransitionCells:
-    """Runs of cells, with a void between one and the next."""
-    if len(pieces) == 1:
-        return pieces[0]
-    one = pieces[0]
-    forms, sticks, lows, highs, sizes = [], [], [], [], []
-    for each in pieces:
-        forms += [each.form, np.zeros((6, 1))]
-        sticks += [each.n_stick, np.array([-1])]
-        lows += [each.low, np.zeros(1)]
-        highs += [each.high, np.full(1, np.inf)]
-        sizes += [each.size, np.zeros(1)]
-    return TransitionCells(
-        np.concatenate(forms[:-1], axis=1),
-        np.concatenate(sticks[:-1]),
-        np.concatenate(lows[:-1]),
-        np.concatenate(highs[:-1]),
-        one.law,
-        one.domain,
-        np.concatenate(sizes[:-1]),
-        max(each.rounding for each in pieces),
-    )
+    # a little more than the interval: rounding may have put a row to either side of an edge
+    width = (1.0 - bins.edges[:-1] / bins.edges[1:]) * (1.0 + 1e-9) + 1e-9
+    return np.asarray(least + np.maximum(sticking - steepest * width * np.sqrt(uu), 0.0) ** 2)
