@@ -25,7 +25,7 @@ from ifrfit.inference.optimize.parameter_group import (
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
-from ifrfit.inference.optimize.transition_search import ImpulseRows, transition_optimum
+from ifrfit.inference.optimize.transition_search import optimum_in_c_and_kappa, unlimited
 
 _NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
@@ -179,7 +179,7 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     """
     if group.rows.measures("curved"):
         return None
-    plain = _in_c_and_kappa(group)
+    plain = optimum_in_c_and_kappa(group)
     if plain is not None:
         return plain
     if group.e_n.fixed is None and is_separable(group):
@@ -195,38 +195,12 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(group, form, optimum))
 
 
-def _in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
-    """Optimum where e_n is known, or found apart, so that c and kappa alone are left; None elsewhere."""
-    if group.e_n.fixed is None and not is_separable(group):
-        return None
-    rows = ImpulseRows.of(group)
-    optimum = None if rows is None else transition_optimum(rows)
-    if optimum is None:
-        return None
-    e_n, objective = restitution_optimum(group)
-    unit = 1.0 + e_n
-    minima = tuple((value + objective, (e_n, t[0], t[1] / unit)) for value, t in optimum.optima)
-    extremes = [(e_n, t[0], t[1] / unit) for t in optimum.extremes]
-    extremes += _unlimited(group, optimum, minima[0][1])
-    return GroupOptimum(minima[0][1], optimum.chi2 + objective, optimum.gap, minima, tuple(extremes))
-
-
 def _extremes(group: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
     if not group.rows.measures("tangential"):
         return tuple(found)
-    return (*found, *_unlimited(group, optimum, form.to_constants(optimum.t)))
-
-
-def _unlimited(group: ParameterGroup, optimum: PiecewiseOptimum, best: Constants) -> list[Constants]:
-    """Constants that no oblique row sets a limit: infinite."""
-    (e_n, c, mu), found = best, []
-    if optimum.all_stick and group.mu.fixed is None:
-        found.append((e_n, c, math.inf))
-    if optimum.all_slide and group.coefficients.a1 == 0.0 and group.c.fixed is None:
-        found.append((e_n, math.inf, mu))  # a constant that shows in sticking only
-    return found
+    return (*found, *unlimited(group, optimum, form.to_constants(optimum.t)))
 
 
 def raised(found: GroupOptimum, by: float) -> GroupOptimum:

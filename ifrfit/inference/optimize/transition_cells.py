@@ -135,7 +135,9 @@ class TransitionCells:
         first, *rest = runs
         if not rest:
             return first
-        void = np.zeros((6, 1)), np.zeros(1), np.array([-1]), np.zeros(1), np.array([np.inf])
+        nowhere = np.zeros((6, 1))
+        nowhere[ONE] = np.inf  # which is no minimum
+        void = nowhere, np.zeros(1), np.array([-1]), np.zeros(1), np.array([np.inf])
         parts = [(first.form, first.size, first.n_stick, first.low, first.high)]
         for each in rest:
             parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
@@ -160,9 +162,6 @@ class TransitionCells:
     def lower_bounds(self) -> tuple[Array, Bool]:
         """Lower bound of every cell from its unconstrained minimum, and which are in doubt, (1, m) each."""
         bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
-        void = self.n_stick < 0
-        if void.any():
-            bounds[void], doubtful[void] = np.inf, False
         return bounds[None], doubtful[None]
 
     def minima(self, which: Index) -> CellMinima:
@@ -173,9 +172,9 @@ class TransitionCells:
         c, kappa = np.empty((2, 5, which.size))
         walls = np.empty((2, which.size))
         walls[0] = low
-        # beyond the last row nothing depends on kappa: its wall is as good as any place
-        np.copyto(walls[1], high)
-        np.copyto(walls[1], low, where=high == np.inf)
+        walls[1] = high
+        last_cell = high == np.inf  # it has one wall, which is as good as any place where no row knows kappa
+        np.copyto(walls[1], low, where=last_cell)
         with np.errstate(all="ignore"):
             det, both = ck * ck, cc * kk
             np.subtract(both, det, out=det)
@@ -192,7 +191,7 @@ class TransitionCells:
             ends = walls[:, None] * (law.b0 + law.b1 * c[1:])
             kappa[1], kappa[2] = ends[0, 0], ends[1, 1]
             np.maximum(kappa[3:], ends[0, 2:], out=kappa[3:])
-            np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:])
+            np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:], where=~last_cell | (kk <= 0.0))
             value = value_at(form, c, kappa)
             value[0, ~inside] = np.inf
         best, cell = value.argmin(axis=0), np.arange(which.size)

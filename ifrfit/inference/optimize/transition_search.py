@@ -17,11 +17,19 @@ import numpy as np
 
 from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.branch_and_bound import branch_over, optimum_of
-from ifrfit.inference.optimize.parameter_group import ParameterGroup
+from ifrfit.inference.optimize.parameter_group import (
+    Constants,
+    GroupOptimum,
+    ParameterGroup,
+    direct_sums,
+    is_separable,
+    restitution_optimum,
+)
 from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum, Transition
-from ifrfit.inference.optimize.solved_cells import DOUBT
+from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells
 from ifrfit.inference.optimize.transition_cells import (
     CC,
+    KK,
     N_BELOW,
     ONE,
     UU,
@@ -29,6 +37,7 @@ from ifrfit.inference.optimize.transition_cells import (
     VV,
     C,
     Index,
+    K,
     TransitionCells,
     lowest_anywhere,
     lowest_on_wall,
@@ -67,8 +76,8 @@ class ImpulseRows:
     law : Coefficients
     domain : (float, float)
         Of c.
-    prior : (float, float) or None
-        Mean and sd of an auxiliary measurement of c.
+    direct : ndarray, (6,)
+        What measures c or kappa on its own adds to the coefficients of chi2: priors, and values of mu.
     """
 
     rows: Rows
@@ -77,14 +86,16 @@ class ImpulseRows:
     parts: tuple[tuple[Observable, float], ...]
     law: Coefficients
     domain: tuple[float, float]
-    prior: tuple[float, float] | None = None
+    direct: Array
 
     @classmethod
     def of(cls, group: ParameterGroup) -> ImpulseRows | None:
         """The rows of a group whose chi2 is one in c and kappa, but for what e_n alone decides; else None."""
         e_n, own, mu = group.e_n, group.c, group.mu
-        plain = mu.fixed is None and mu.prior is None and mu.lower == 0.0 and math.isinf(mu.upper)
+        plain = mu.fixed is None and mu.lower == 0.0 and math.isinf(mu.upper)
         if not (plain and own.fixed is None and math.isfinite(own.lower) and math.isfinite(own.upper)):
+            return None
+        if e_n.fixed is None and not is_separable(group):
             return None
         if e_n.fixed is not None and e_n.prior is not None:
             return None
@@ -93,16 +104,23 @@ class ImpulseRows:
             scale |= {"impulse": 1.0 / (1.0 + e_n.fixed), "rebound": 1.0 / e_n.fixed}
         parts, rows = [], group.rows
         for observable in rows.measured:
-            if observable.kind == "normal":
-                continue
+            if observable.kind in ("normal", "friction"):
+                continue  # e_n is known or found apart, and with it values of mu are values of kappa
             if observable.kind != "tangential" or observable.scale not in scale:
                 return None
             parts.append((observable, scale[observable.scale]))
         if not parts:
             return None
         domain = own.lower, own.upper
-        measures = tuple(parts)
-        return cls(rows, group.weight, group.inertia_factor, measures, group.coefficients, domain, own.prior)
+        return cls(
+            rows,
+            group.weight,
+            group.inertia_factor,
+            tuple(parts),
+            group.coefficients,
+            domain,
+            _direct_coefficients(group),
+        )
 
     @cached_property
     def places(self) -> Index | None:
@@ -143,7 +161,7 @@ class ImpulseRows:
         return u * weight, v
 
     def chi2(self, c: float, kappa: float) -> float:
-        """The sum of squares and the square of the prior, from the rows themselves."""
+        """The sum of squares, from the rows themselves."""
         a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
         total = 0.0
         for at in self.blocks():
@@ -154,7 +172,21 @@ class ImpulseRows:
             k *= u
             k -= v
             total += float(k @ k)
-        return total if self.prior is None else total + ((c - self.prior[0]) / self.prior[1]) ** 2
+        return total + max(0.0, float(value_at(self.direct, np.float64(c), np.float64(kappa))))
+
+
+def _direct_coefficients(group: ParameterGroup) -> Array:
+    """Coefficients of chi2 of what measures c or kappa on its own, (6,)."""
+    made = np.zeros(6)
+    if group.c.prior is not None:
+        made[CC], made[C], made[ONE] = direct_sums(group.c, np.zeros(0), np.zeros(0))
+    if group.e_n.fixed is not None and (group.mu.prior is not None or group.rows.measures("friction")):
+        at, unit = group.rows.of_kind("friction"), 1.0 + group.e_n.fixed
+        weight = group.weight[at]
+        square, product, rest = direct_sums(group.mu, weight, weight * group.rows.value[at])
+        made[KK], made[K] = square / unit**2, product / unit
+        made[ONE] += rest
+    return made
 
 
 @dataclass(frozen=True)
@@ -199,6 +231,14 @@ class _Sums:
         """See `quadratic_matrix`."""
         return quadratic_matrix(self.law)
 
+    @cached_property
+    def direct(self) -> Array:
+        """`ImpulseRows.direct` in what is left of c."""
+        made = self.rows.direct.copy()
+        made[ONE] = value_at(made, np.float64(self.c), np.float64(0.0))
+        made[C] -= made[CC] * self.c
+        return made
+
     def products(self, at: slice | Index, out: Array) -> Array:
         """Products of some of the rows, (6, n)."""
         u, v = self.rows.of_places(at)
@@ -210,12 +250,9 @@ class _Sums:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
         form = self.matrix @ sums
         size = np.abs(self.matrix[ONE]) @ np.abs(sums)
-        if self.rows.prior is not None:
-            mean, sd = self.rows.prior[0] - self.c, self.rows.prior[1]
-            form[CC] += 1.0 / sd**2
-            form[C] += mean / sd**2
-            form[ONE] += (mean / sd) ** 2
-            size += (mean / sd) ** 2
+        if self.rows.direct.any():
+            form += self.direct[:, None]
+            size += np.abs(self.direct[ONE])
         return form, size
 
     def cells(
@@ -259,32 +296,83 @@ class _Sums:
         return self.cells(order, np.zeros(9), (0.0, np.inf), 0, float(order.size))
 
 
+def optimum_in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
+    """Optimum where e_n is known, or found apart, so that c and kappa alone are left; None elsewhere."""
+    rows = ImpulseRows.of(group)
+    optimum = None if rows is None else transition_optimum(rows)
+    if optimum is None:
+        return None
+    e_n, objective = restitution_optimum(group)
+    unit = 1.0 + e_n
+    minima = tuple((value + objective, (e_n, t[0], t[1] / unit)) for value, t in optimum.optima)
+    extremes = [(e_n, t[0], t[1] / unit) for t in optimum.extremes]
+    extremes += unlimited(group, optimum, minima[0][1])
+    return GroupOptimum(minima[0][1], optimum.chi2 + objective, optimum.gap, minima, tuple(extremes))
+
+
+def unlimited(group: ParameterGroup, optimum: PiecewiseOptimum, best: Constants) -> list[Constants]:
+    """Constants to which no oblique row sets a limit: infinite."""
+    (e_n, c, mu), found = best, []
+    if optimum.all_stick and group.mu.fixed is None:
+        found.append((e_n, c, math.inf))
+    if optimum.all_slide and group.coefficients.a1 == 0.0 and group.c.fixed is None:
+        found.append((e_n, math.inf, mu))  # a constant that shows in sticking only
+    return found
+
+
+def least_chi2(group: ParameterGroup) -> float | None:
+    """Certified least value alone, where c and kappa alone are left, though they may be undetermined; or None."""
+    rows = ImpulseRows.of(group)
+    solved = None if rows is None else _Solved.of(rows)
+    return None if solved is None else solved.chi2 + restitution_optimum(group)[1]
+
+
 def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     """The global minimum in (c, kappa) with its proof; None where rounding leaves a doubt.
+
+    Where the rows leave a valley without end it is for the general code, too, to say where in it the point lies.
 
     Parameters
     ----------
     rows : ImpulseRows
     """
-    low, high = float(rows.tau.min(initial=np.inf)), float(rows.tau.max(initial=0.0))
-    if not 0.0 < low <= high < np.inf:
+    solved = _Solved.of(rows)
+    if solved is None:
         return None
-    sums = _Sums.of(rows)
-    if rows.tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
-        cells = sums.all_cells()
-    else:
-        cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
-    found = branch_over(cells, _FIRST, count_minima=True).member(0)
-    slack = DOUBT * max(1.0, abs(found.value))
-    if not found.errors[found.best] <= slack or (found.bounds < found.value - slack).any():
+    found, law = solved.found, solved.cells.law
+    if not solved.cells.determine(found.cells[found.values <= found.value + NEAR]):
         return None
-    if not cells.determine(found.cells[found.values <= found.value + NEAR]):
-        return None  # a valley without end: where in it the point lies is for the general code to say
-    c, kappa = found.point.tolist()
-    chi2 = rows.chi2(c + sums.c, kappa)
-    law = sums.law
     transition = Transition(_KAPPA, 0.0, np.array([law.b1, 0.0]), law.b0)
-    return optimum_of(transition, cells, found, chi2, rows.tau.size).moved(np.array([sums.c, 0.0]), 0.0)
+    optimum = optimum_of(transition, solved.cells, found, solved.chi2, rows.tau.size)
+    return optimum.moved(np.array([solved.sums.c, 0.0]), 0.0)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Cells of rows, those that are solved, and the least value."""
+
+    sums: _Sums
+    cells: TransitionCells
+    found: SolvedCells
+    chi2: float
+
+    @classmethod
+    def of(cls, rows: ImpulseRows) -> _Solved | None:
+        """None where rounding leaves a doubt."""
+        low, high = float(rows.tau.min(initial=np.inf)), float(rows.tau.max(initial=0.0))
+        if not 0.0 < low <= high < np.inf:
+            return None
+        sums = _Sums.of(rows)
+        if rows.tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
+            cells = sums.all_cells()
+        else:
+            cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
+        found = branch_over(cells, _FIRST, count_minima=True).member(0)
+        slack = DOUBT * max(1.0, abs(found.value))
+        if not found.errors[found.best] <= slack or (found.bounds < found.value - slack).any():
+            return None
+        c, kappa = found.point.tolist()
+        return cls(sums, cells, found, rows.chi2(c + sums.c, kappa))
 
 
 def _rounding(depth: float) -> float:
