@@ -1,9 +1,9 @@
-"""Cells of a plain least squares in two unknowns, c and kappa, from six sums over rows; all are solved at once.
+"""Cells of least squares in two unknowns, c and kappa, from six sums over rows; many are solved at once.
 
 Where e_n is known or found apart, a tangential row is v = u k + noise with the impulse factor
-k = a0 + a1 c + min(b0 + b1 c, kappa x), x = 1/tau. The first rows by tau stick, the others slide, and chi2 of
-each such cell is a quadratic in (c, kappa) whose coefficients come from six sums over either side. Two unknowns
-and four edges leave a minimum in closed form: section 6 of docs/theory/certificate.md.
+k = a0 + a1 c + min(b0 + b1 c, kappa x), x = 1/tau. The first rows by tau stick, the others slide, and chi2
+of each such cell is a quadratic in (c, kappa) whose coefficients come from six sums, eq. (16). Two unknowns
+and four edges leave a minimum in closed form: section 7 of docs/theory/certificate.md.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
 def quadratic_matrix(law: Coefficients) -> Array:
     """What makes the coefficients of chi2 in (c, kappa) from the sums, (6, 9).
 
-    The coefficients come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`; of the sums the first three are over
-    the rows that stick, the other six over those that slide.
+    The coefficients come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`; of the sums the first three are
+    over the rows that stick, the other six over those that slide.
     """
     a, b = law.a0 + law.b0, law.a1 + law.b1
     made = np.zeros((6, 9))

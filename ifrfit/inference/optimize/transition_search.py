@@ -1,9 +1,9 @@
-"""Certified least squares in c and kappa, by intervals of tau whose rows are looked at only where it matters.
+"""Certified least squares in c and kappa, by intervals of tau whose rows are sorted only where it matters.
 
-Rows are put into intervals of tau, not sorted. The six sums of each interval bound chi2 from below wherever the
-transition lies within it; rows are sorted, and cells made of them, in the few intervals whose bound does not
-lie above a value that is met. Section 6 of docs/theory/certificate.md has the proof. What the sums leave in
-doubt, and what has more unknowns, is for `branch_and_bound.minimise`.
+Rows are put into intervals of tau, not sorted. The six sums of each interval bound chi2 from below wherever
+the transition lies within it; rows are sorted, and cells made of them, in the few intervals whose bound does
+not lie above a value that is met. Section 7 of docs/theory/certificate.md has the proof. What the sums leave
+in doubt, and what has more unknowns, is for `branch_and_bound.minimise`.
 """
 
 from __future__ import annotations
@@ -321,7 +321,7 @@ def unlimited(group: ParameterGroup, optimum: PiecewiseOptimum, best: Constants)
 
 
 def least_chi2(group: ParameterGroup) -> float | None:
-    """Certified least value alone, where c and kappa alone are left, though they may be undetermined; or None."""
+    """Certified least value where c and kappa alone are left, determined or not; None elsewhere."""
     rows = ImpulseRows.of(group)
     solved = None if rows is None else _Solved.of(rows)
     return None if solved is None else solved.chi2 + restitution_optimum(group)[1]
@@ -330,7 +330,7 @@ def least_chi2(group: ParameterGroup) -> float | None:
 def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     """The global minimum in (c, kappa) with its proof; None where rounding leaves a doubt.
 
-    Where the rows leave a valley without end it is for the general code, too, to say where in it the point lies.
+    None, too, where the rows leave a valley without end: where in it the point lies the general code says.
 
     Parameters
     ----------
