@@ -164,7 +164,7 @@ class _Cells:
         none = np.zeros((*terms.shape[:2], 1))
         # not as what is left of all: where 1/tau is large the difference would lose its digits
         above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
-        below = np.concatenate((none, np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
+        below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
         sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
         cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law), sums, 1)
         forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk))

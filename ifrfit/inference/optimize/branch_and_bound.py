@@ -47,13 +47,33 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     problem : PiecewiseProblem
         In at most three unknowns.
     """
+    centred, center, shift = _centred(problem)
+    return _minimise(centred).moved(center, shift) if center.any() else _minimise(centred)
+
+
+def least_value(problem: PiecewiseProblem) -> tuple[float, float]:
+    """The least value, from the rows, and how far below it a lower one is not excluded.
+
+    As `minimise`, but cells that cannot hold it are left alone: other local minima are not looked for.
+    """
+    centred, _, shift = _centred(problem)
+    quadratic = quadratic_of(PiecewiseBatch(centred))
+    found = refine(centred, quadratic, branch(centred, quadratic, _FIRST).member(0))
+    value = centred.value(found.point)
+    return value + shift, max(0.0, value - found.lowest_bound_elsewhere())
+
+
+def _centred(problem: PiecewiseProblem) -> tuple[PiecewiseProblem, Array, float]:
+    """The problem with its rows sorted, in t less a center, that center, and what the value lacks there.
+
+    Sums over many rows keep their digits when they are taken about a point near the optimum.
+    """
     problem = problem.sorted_by_tau()
     if problem.tau.size <= _MANY:
-        return _minimise(problem)
-    # sums over many rows keep their digits when they are taken about a point near the optimum
+        return problem, np.zeros(problem.kappa.size), 0.0
     center = _minimise(problem.take(slice(None, None, problem.tau.size // _SAMPLE))).t
     shift = 0.0 if problem.linear is None else float(problem.linear @ center)
-    return _minimise(problem.about(center)).moved(center, shift)
+    return problem.about(center), center, shift
 
 
 def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
