@@ -141,8 +141,9 @@ class TransitionCells:
         parts = [(first.form, first.size, first.n_stick, first.low, first.high)]
         for each in rest:
             parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
-        joined = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        return cls(*joined, first.law, first.domain, max(each.rounding for each in runs))
+        form, size, n_stick, low, high = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        rounding = max(each.rounding for each in runs)
+        return cls(form, size, n_stick, low, high, first.law, first.domain, rounding)
 
     @property
     def n_cells(self) -> int:
