@@ -84,7 +84,7 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
     return form[ONE] - of_c - of_kappa - error, share < DOUBTFUL
 
 
-def value_at(form: Array, c: Array, kappa: Array) -> Array:
+def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
     """Chi2 of quadratics (6, ...) at (c, kappa)."""
     along_c = form[CC] * c + 2.0 * (form[CK] * kappa - form[C])
     return np.asarray(along_c * c + (form[KK] * kappa - 2.0 * form[K]) * kappa + form[ONE])

@@ -172,7 +172,7 @@ class ImpulseRows:
             k *= u
             k -= v
             total += float(k @ k)
-        return total + max(0.0, float(value_at(self.direct, np.float64(c), np.float64(kappa))))
+        return total + max(0.0, float(value_at(self.direct, c, kappa)))
 
 
 def _direct_coefficients(group: ParameterGroup) -> Array:
@@ -235,7 +235,7 @@ class _Sums:
     def direct(self) -> Array:
         """`ImpulseRows.direct` in what is left of c."""
         made = self.rows.direct.copy()
-        made[ONE] = value_at(made, np.float64(self.c), np.float64(0.0))
+        made[ONE] = value_at(made, self.c, 0.0)
         made[C] -= made[CC] * self.c
         return made
 
