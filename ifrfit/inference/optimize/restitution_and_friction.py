@@ -40,14 +40,14 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
     many = ManyRestitutions.of(group, high)
 
     def constants_at(e_n: float) -> Constants:
-        plain = optimum_in_c_and_kappa(_held(group, e_n))
+        plain = optimum_in_c_and_kappa(_with_fixed_restitution(group, e_n))
         if plain is not None:
             return plain.constants
         form = at_restitution(group, e_n)
         return form.to_constants(minimise(form.problem).t)
 
     def value_at(e_n: float) -> float:
-        least = least_chi2(_held(group, e_n))
+        least = least_chi2(_with_fixed_restitution(group, e_n))
         if least is None:
             least = minimise(at_restitution(group, e_n).problem).chi2
         return least + float(_of_prior(group, e_n))
@@ -70,10 +70,10 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
 
 def at_restitution(group: ParameterGroup, e_n: float) -> LinearForm:
     """The group where e_n is known: a problem in its closure constant and kappa."""
-    return kappa_form(_held(group, e_n))
+    return kappa_form(_with_fixed_restitution(group, e_n))
 
 
-def _held(group: ParameterGroup, e_n: float) -> ParameterGroup:
+def _with_fixed_restitution(group: ParameterGroup, e_n: float) -> ParameterGroup:
     return replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None))
 
 
