@@ -102,6 +102,26 @@ class Rows:
         return tuple(OBSERVABLES[name] for name in self.names)
 
     @cached_property
+    def measured(self) -> tuple[Observable, ...]:
+        """The observables that have a row; some rows of a table keep the names of all."""
+        if len(self.names) == 1:
+            return self.observables if len(self) else ()
+        count = np.bincount(self.which, minlength=len(self.names))
+        return tuple(each for each, n in zip(self.observables, count, strict=True) if n)
+
+    def is_any_of(self, names: Sequence[str]) -> Bool:
+        """Which rows have one of these observables, (n,)."""
+        return self._mask([name in names for name in self.names])
+
+    def measures(self, *kinds: str) -> bool:
+        """Whether a row has an observable of one of these kinds."""
+        return any(o.kind in kinds for o in self.measured)
+
+    def measures_scale(self, scale: str) -> bool:
+        """Whether a row has a tangential observable of this scale."""
+        return any(o.kind == "tangential" and o.scale == scale for o in self.measured)
+
+    @cached_property
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
         """The observables that occur, each with its rows and the incidence of those."""
         found = []
