@@ -228,9 +228,7 @@ def _is_plain_file(path: Path) -> bool:
     return not (path.is_dir() or path.name.lower().endswith((".gz", ".zst")))
 
 
-def asked_of_stream(
-    stream: ImpactStream, model: Model, closure: Closure, noise: Noise, seed: int
-) -> Asked:
+def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise: Noise, seed: int) -> Asked:
     """What is asked of data that are not held in memory."""
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
