@@ -64,7 +64,9 @@ def main() -> None:
     parser.add_argument("--kind", action="append", default=[], choices=KINDS, help="by default all")
     parser.add_argument("--quick", action="store_true", help="fewer settings and repeats")
     parser.add_argument("--out", type=Path, help="folder; benchmarks/results/cost if not given")
-    parser.add_argument("--readme", action="store_true", help="results to docs/cost, sentences to docs/cost.md")
+    parser.add_argument(
+        "--readme", action="store_true", help="results to docs/cost, sentences to docs/cost.md"
+    )
     options = parser.parse_args()
     if options.readme and (options.out or (options.kind and "inference" not in options.kind)):
         parser.error("--readme shows inference, from docs/cost: leave --out out, and --kind or add inference")

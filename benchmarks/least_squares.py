@@ -217,7 +217,7 @@ def goals_of(rows: Sequence[Row]) -> list[str]:
     said = []
     for row in ours:
         n, ratio = row["n"], row["over_lmfit_1"]
-        goal = 1.0 if n <= 10_000 else 1.5
+        goal = 0.4 if n <= 10_000 else 0.15
         said.append(f"certificate at most {goal:g} lmfit-1 at N = {n}: {ratio:.2f}, {verdict(ratio <= goal)}")
     for row in ours:
         held = row["certified"] == "true" and row["chi2_above_best"] <= MISSED

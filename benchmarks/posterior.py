@@ -33,13 +33,15 @@ from posterior_reference import Reference, reference_of
 from posterior_scenes import TITLES, Scene, make_scene, scene_options
 
 import ifrfit
-from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import integrate
+from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.posterior import ExactPosterior, exact_posterior, integrate
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)
 N_DRAWS = 100_000
 DRAWS, FIT = f"{N_DRAWS:,} draws", "ifrfit.fit"
 ONCE_S = 1.5
+WITH_QUANTILES = ("i", "ii")
 SEEDS, SEEDS_SLOW = 9, 3
 TARGET = 1e-2
 PACKAGES = ("emcee", "dynesty", "ultranest", "numpyro", "jax")
@@ -51,9 +53,13 @@ def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
     rng = np.random.default_rng
     calls: dict[str, Callable[[], Any]] = {}
     for t in TOLERANCES:
-        calls[f"exact {t:g}"] = lambda t=t: integrate(scene.problem, tolerance=t, start=start)
-        calls[f"exact {t:g} whole"] = lambda t=t: integrate(scene.problem, tolerance=t)
-    default = integrate(scene.problem)
+        calls[f"exact {t:g}"] = lambda t=t: exact_posterior(scene.problem, t, start)
+        calls[f"exact {t:g} whole"] = lambda t=t: exact_posterior(scene.problem, t)
+        if scene.key in WITH_QUANTILES:
+            calls[f"exact {t:g} quantiles"] = lambda t=t: quantiles_of(
+                exact_posterior(scene.problem, t, start)
+            )
+    default = exact_posterior(scene.problem)
     calls[DRAWS] = lambda: default.draws(N_DRAWS, rng(1))
     calls[FIT] = lambda: ifrfit.fit(scene.observations, method="exact", **scene.fit_options)
     times, gave = timed(calls, budget)
@@ -76,11 +82,43 @@ def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
                 note=f"log evidence off by {apart:.1e}" + ("" if post.converged else ", not converged"),
             )
         )
+    if scene.key in WITH_QUANTILES:
+        rows += with_quantiles(scene, start, reference, times, gave)
     got = [gave[DRAWS][name] for name in scene.constants]
     of_draws = reference.error_of([x.mean() for x in got], [x.std() for x in got])
     for name, kind, error in ((DRAWS, "draws", of_draws), (FIT, "fit", None)):
         seconds = times[name]
         rows.append(Row(scene.key, kind, name, statistics.median(seconds), None, error, repeats=len(seconds)))
+    return rows
+
+
+def quantiles_of(posterior: ExactPosterior) -> np.ndarray:
+    """Five quantiles of each constant and of kappa: in a plain fit twenty."""
+    names = [name for name in posterior.names if not name.startswith("noise")]
+    return np.array([posterior.quantile(name, LEVELS) for name in names])
+
+
+def with_quantiles(
+    scene: Scene,
+    start: LeastSquaresFit,
+    reference: Reference,
+    times: Mapping[str, Sequence[float]],
+    gave: Mapping[str, Any],
+) -> list[Row]:
+    """The kernel with its quantiles; their error against the general integral, which shares no code."""
+    general = integrate(scene.problem, 1e-8, start)
+    truth = quantiles_of(general)
+    sds = np.array([general.sd(name) for name in general.names if not name.startswith("noise")])
+    rows = []
+    for t in TOLERANCES:
+        seconds, post = times[f"exact {t:g} quantiles"], gave[f"exact {t:g}"]
+        means, spreads = ([one(name) for name in scene.constants] for one in (post.mean, post.sd))
+        apart = np.abs(gave[f"exact {t:g} quantiles"] - truth) / sds[:, None]
+        error = max(float(apart.max()), reference.error_of(means, spreads))
+        name = f"exact, tolerance {t:g}, with {truth.size} quantiles"
+        rows.append(
+            Row(scene.key, "quantiles", name, statistics.median(seconds), None, error, repeats=len(seconds))
+        )
     return rows
 
 

@@ -20,6 +20,7 @@ from scipy.special import ndtr
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.optimize.transition_cells import N_BELOW, quadratic_matrix
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -159,23 +160,14 @@ class _Cells:
     def of(cls, rows: Tangential, law: Coefficients) -> _Cells:
         tau, z, w = rows.tau, rows.factor, rows.weight
         x = 1.0 / tau
-        terms = np.stack((w, w * z, w * z * z, w * x, w * x * x, w * z * x))
+        terms = np.stack((w, w * z, w * z * z, w * x, w * x * x, w * z * x))  # as `row_products` has them
         none = np.zeros((*terms.shape[:2], 1))
         # not as what is left of all: where 1/tau is large the difference would lose its digits
         above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
-        p1, pz, pzz = np.concatenate((none, np.cumsum(terms, axis=2)), axis=2)[:3]
-        s1, sz, szz, sx, sxx, szx = np.concatenate((above, none), axis=2)
-        a, b = law.a0 + law.b0, law.a1 + law.b1
-        forms = np.stack(
-            (
-                pzz - 2.0 * a * pz + a * a * p1 + szz - 2.0 * law.a0 * sz + law.a0**2 * s1,
-                -2.0 * b * (pz - a * p1) - 2.0 * law.a1 * (sz - law.a0 * s1),
-                -2.0 * (szx - law.a0 * sx),
-                b * b * p1 + law.a1**2 * s1,
-                2.0 * law.a1 * sx,
-                sxx,
-            )
-        )
+        below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
+        sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
+        cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law), sums, 1)
+        forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk))
         edge = np.zeros((tau.shape[0], 1))
         walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)
         return cls(walls, np.isfinite(tau).sum(axis=1), forms)

@@ -44,7 +44,10 @@ def fit(
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
     streams = _streams(question["data"])
     if streams and intervals:
-        raise UsageError("--intervals: data that are not held in memory have no profiles. Leave it out.")
+        raise UsageError(
+            "--intervals: data that are not held in memory are put to one method at a time. Take --method "
+            "exact, profile or lsq."
+        )
     resume = getattr(question["method"], "resume", None)
     if resume is not None and out is None:
         out, force = Path(resume), True

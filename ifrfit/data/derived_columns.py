@@ -45,6 +45,8 @@ def contradictions(table: pd.DataFrame, double: NDArray[np.bool_]) -> list[str]:
     double : (n,) bool array
         Rows that are left out because others hold the same measurement.
     """
+    if not double.any():
+        return []
     names, impacts = table["observable"].to_numpy(dtype=object), impact_numbers(table)
     said = []
     for name in dict.fromkeys(names[double]):

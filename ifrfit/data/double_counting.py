@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 
+_NORMAL = ("e_n", "v_n")
 _BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
 
 
@@ -184,7 +185,7 @@ def impact_numbers(table: pd.DataFrame) -> NDArray[np.int64]:
     """Return one number per impact; -1 where a row is not tied to one."""
     import pandas as pd
 
-    tied = (table["impact_id"] != "").to_numpy(dtype=bool)
+    tied = table["impact_id"].to_numpy(dtype=object) != ""
     numbers = np.full(len(table), -1)
     if tied.any():
         ids, labels = pd.factorize(table["impact_id"])
@@ -196,10 +197,10 @@ def impact_numbers(table: pd.DataFrame) -> NDArray[np.int64]:
 def shares_e_n(table: pd.DataFrame) -> list[str]:
     """Say where an observable computed with the normal velocity stands beside that very velocity."""
     names = table["observable"].to_numpy(dtype=object)
-    mixed = np.isin(names, [o.name for o in OBSERVABLES.values() if o.with_e_n])
-    normal = np.isin(names, ["e_n", "v_n"])
-    if not (mixed.any() and normal.any()):
+    there, of_both = set(names.tolist()), {o.name for o in OBSERVABLES.values() if o.with_e_n}
+    if there.isdisjoint(of_both) or there.isdisjoint(_NORMAL):
         return []
+    mixed, normal = np.isin(names, list(of_both)), np.isin(names, _NORMAL)
     links = impact_numbers(table)
     shared = mixed & (links >= 0) & np.isin(links, links[normal])
     if not shared.any():

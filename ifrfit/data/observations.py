@@ -164,7 +164,8 @@ class Observations:
 
     def with_note(self, *notes: str) -> Observations:
         """Return the same observations with further notes."""
-        return replace(self, notes=(*self.notes, *(n for n in notes if n not in self.notes)))
+        new = [note for note in notes if note not in self.notes]
+        return replace(self, notes=(*self.notes, *new)) if new else self
 
     def called(self, column: str) -> str:
         """Return what an uncertainty of angle or spin is, with the columns of the files it comes from.

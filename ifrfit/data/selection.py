@@ -98,10 +98,11 @@ def select(obs: Observations, selection: Selection) -> Observations:
     if not selection.independent:
         why[(why == "") & ~_default_selection(obs, table, selection, why == "", notes)] = "not selected"
         left = np.flatnonzero(why == "")
+        rows = table if left.size == len(table) else table.iloc[left]
         faces = {s.name: s.descriptor.faces for s in obs.sources if s.descriptor}
-        double, said = double_counted(table.iloc[left], faces, selection.observable, selection.series)
+        double, said = double_counted(rows, faces, selection.observable, selection.series)
         why[left[double]] = "same impacts counted already"
-        notes.extend([*said, *contradictions(table.iloc[left], double)])
+        notes.extend([*said, *contradictions(rows, double)])
     keep = why == ""
     kept = table if keep.all() else table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])
@@ -114,7 +115,7 @@ def _check(table: pd.DataFrame, selection: Selection) -> None:
         ("--observable", selection.observable, "observable"),
         ("--series", selection.series, "series"),
     ):
-        there = list(dict.fromkeys(table[column].to_numpy()))
+        there = list(dict.fromkeys(table[column].to_numpy())) if names else []
         for name in names:
             if name not in there:
                 known = " It is known, but not among these data." if name in OBSERVABLES else ""
@@ -184,7 +185,7 @@ def _range(low: float | None, high: float | None) -> str:
 
 
 def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selection: Selection) -> Source:
-    here = (table["source"] == source.name).to_numpy()
+    here = table["source"].to_numpy(dtype=object) == source.name  # a tenth of the time of comparing columns
     skipped = Counter(dict(source.rows_skipped))
     skipped.update(why[here & (why != "")])
     used = table.loc[here & (why == "")]

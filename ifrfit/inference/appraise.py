@@ -58,7 +58,8 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     except IfrfitError as error:
         profiles, without_profiles = result.profiles, error.in_shell
         if result.is_sampled:
-            without_profiles = f"{_beyond_memory(result)}: there are no profiles."
+            more = "intervals are not compared" if profiles else "ifrfit fit --method profile profiles them"
+            without_profiles = f"{_beyond_memory(result)}: {more}."
     else:
         without_profiles = _without_profiles(problem)
         if result.profiles:
@@ -108,7 +109,7 @@ def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) ->
 def _comparison(result: FitResult) -> tuple[Comparison | None, str]:
     """All closures by the question of a result; or none, and the sentence that says why."""
     if result.is_sampled:
-        return None, f"{_beyond_memory(result)}: ifrfit fit --closure fits another one"
+        return None, f"{_beyond_memory(result)}: ifrfit compare puts the closures side by side"
     reason = _too_large_to_compare(result)
     if reason:
         return None, f"{reason}: ifrfit compare puts the closures side by side"

@@ -163,7 +163,7 @@ def refuse_crew_in_memory(estimator: Estimator, *, was_large: bool = False) -> N
     UsageError
         With the option.
     """
-    if not isinstance(estimator, Exact | LeastSquares):
+    if not isinstance(estimator, Exact | LeastSquares | Profile):
         return
     asked: dict[str, object] = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler}
     if not was_large:
@@ -303,6 +303,11 @@ class LeastSquares(Method):
 class Profile(PlainErrors):
     """The profile likelihood of each constant.
 
+    Attributes
+    ----------
+    workers, scheduler, resume
+        As `Exact`.
+
     Examples
     --------
     >>> import ifrfit
@@ -315,6 +320,9 @@ class Profile(PlainErrors):
     title: ClassVar[str] = "profile likelihood"
     label: ClassVar[str] = "profile"
     summary: ClassVar[str] = "profile likelihood"
+    workers: int = _workers()
+    scheduler: str | None = _scheduler()
+    resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Profile every quantity."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
@@ -40,6 +40,10 @@ from ifrfit.text import joined
 
 Table = Any  # a data frame of pandas or polars, an Arrow table, a mapping of columns
 Data = str | Path | Observations | Table
+
+if TYPE_CHECKING:
+    from ifrfit.inference.sufficient_statistics.stream_fit import Asked
+
 Progress = Callable[[int, int], None]
 
 
@@ -165,11 +169,8 @@ def _streamed(
     keywords: Mapping[str, Any],
 ) -> FitResult | None:
     """The fit of data that are not held in memory; None for all others."""
-    parts = _parts(data)
-    path = None
-    if len(parts) == 1 and isinstance(parts[0], str | Path) and str(parts[0]) not in dataset_names():
-        path = Path(parts[0])
-    if path is None or not is_stream(path):
+    path = stream_path(data)
+    if path is None:
         refuse_crew_in_memory(estimator)
         return None
     from ifrfit.inference.sufficient_statistics.passes import Reader
@@ -177,45 +178,95 @@ def _streamed(
     from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
     from ifrfit.inference.workers.crews import crew_of
 
+    stream = open_stream(path, model, noise, keywords)
+    if stream is None:
+        refuse_crew_in_memory(estimator, was_large=True)
+        return None
+    asked = asked_of_stream(stream, model, closure, noise, seed)
+    if model.closure == Model.closure:
+        asked = replace(asked, assumed=(f"closure {closure.title}", *asked.assumed))
+    resume = getattr(estimator, "resume", None)
+    unfinished = None if resume is None else UnfinishedPass.beside(Path(resume))
+    try:
+        with crew_of(getattr(estimator, "workers", 1), getattr(estimator, "scheduler", None)) as crew:
+            (found,) = fit_stream(
+                Reader(stream, crew, unfinished, progress),
+                [asked],
+                noise.policy,
+                estimator,
+                separate_noise=bool(model.separate),
+                seed=seed,
+                command=command,
+            )
+    except NotStreamableError:
+        if not _is_plain_file(path):
+            raise
+        refuse_crew_in_memory(estimator, was_large=True)
+        return None
+    if unfinished is not None:
+        unfinished.close()
+    if scene is None:
+        return found.result
+    said = f"--scene {scene}: not looked at, because the criteria of effects take rows held in memory"
+    return replace(found.result, warnings=(*found.result.warnings, said))
+
+
+def stream_path(data: Data | Sequence[Data]) -> Path | None:
+    """Where data lie that are not held in memory; None for all others."""
+    parts = _parts(data)
+    if len(parts) != 1 or not isinstance(parts[0], str | Path) or str(parts[0]) in dataset_names():
+        return None
+    path = Path(parts[0])
+    return path if is_stream(path) else None
+
+
+def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, Any]) -> ImpactStream | None:
+    """How data that are not held in memory are read; None where they are a file that must be held after all.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `ImpactStream.of`, and for what needs single rows.
+    """
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
-    assumed = (f"closure {closure.title}",) if model.closure == Model.closure else ()
-    if model.inertia_factor is None:
-        assumed = (*assumed, f"inertia factor {inertia:g} (solid sphere)")
-
-    def of_sample(observations: Observations) -> FitResult:
-        return fit(observations, model, noise=noise, method="lsq", seed=seed)
-
     try:
         if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
             raise NotStreamableError(
                 f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
             )
-        conventions = parse_conventions(keywords.get("convention", ()))
-        stream = ImpactStream.of(path, conventions, selection, inertia)
-        resume = getattr(estimator, "resume", None)
-        unfinished = None if resume is None else UnfinishedPass.beside(Path(resume))
-        with crew_of(getattr(estimator, "workers", 1), getattr(estimator, "scheduler", None)) as crew:
-            found = fit_stream(
-                Reader(stream, crew, unfinished, progress),
-                closure,
-                model.parameters(inertia),
-                noise.policy,
-                estimator,
-                of_sample,
-                separate_noise=bool(model.separate),
-                assumed=assumed,
-                seed=seed,
-                command=command,
-            )
-        if unfinished is not None:
-            unfinished.close()
-        return found
+        return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
-        if path.is_dir() or path.name.lower().endswith((".gz", ".zst")):
+        if not _is_plain_file(path):
             raise
-        refuse_crew_in_memory(estimator, was_large=True)
-        return None  # a file can be held in memory, if need be
+        return None
+
+
+def _is_plain_file(path: Path) -> bool:
+    """Whether data that are streamed are a plain file, which can be held in memory, if need be."""
+    return not (path.is_dir() or path.name.lower().endswith((".gz", ".zst")))
+
+
+def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise: Noise, seed: int) -> Asked:
+    """What is asked of data that are not held in memory."""
+    from ifrfit.inference.sufficient_statistics.stream_fit import Asked
+
+    inertia = SOLID if model.inertia_factor is None else model.inertia_factor
+    assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+
+    def of_sample(observations: Observations) -> FitResult:
+        # its rows are those of the selection already, but for the columns that are not used
+        return fit(
+            observations,
+            model,
+            noise=noise,
+            method="lsq",
+            seed=seed,
+            observable=stream.observables,
+            independent=stream.selection.independent,
+        )
+
+    return Asked(closure, tuple(model.parameters(inertia)), of_sample, assumed)
 
 
 @dataclass(frozen=True)

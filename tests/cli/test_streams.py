@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import re
+import subprocess
+import sys
+
 import pytest
 from command_line import in_this_process
 from streams import folder_of, impacts
@@ -53,9 +59,12 @@ def test_resume_names_the_folder_of_the_results(tmp_path):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (("compare",), "a folder of tables is not held in memory; ifrfit fit and ifrfit campaign take it"),
+        (("compare", "--closure", "ifr", "--closure", "maw"), "needs the rows one by one"),
         (("cost",), "Give one of its files here"),
-        (("fit", "--intervals"), "--intervals: data that are not held in memory have no profiles"),
+        (
+            ("fit", "--intervals"),
+            "--intervals: data that are not held in memory are put to one method at a time",
+        ),
     ],
 )
 def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypatch, command, said):
@@ -64,3 +73,29 @@ def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypa
     refused = in_this_process(command[0], folder, *command[1:])
     assert refused.returncode != 0
     assert said in refused.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
+def test_a_terminal_shows_rows_a_second_and_the_time_left(tmp_path):
+    import pty
+
+    folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
+    ours, theirs = pty.openpty()
+    command = (sys.executable, "-m", "ifrfit", "fit", str(folder), "--method", "lsq")
+    environment = os.environ | {"TERM": "xterm", "COLUMNS": "200"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as shown:
+        os.close(theirs)
+        shown_text = b""
+        with contextlib.suppress(OSError):  # the other end is closed
+            while part := os.read(ours, 4096):
+                shown_text += part
+        out, _ = shown.communicate(timeout=120)
+    os.close(ours)
+    err = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", shown_text.decode())
+    assert shown.returncode == 0
+    assert re.search(r"4,000 rows, 4,000 at most, [\d,]+ a second", err)
+    assert re.search(r"\d:\d\d:\d\d", err)
+    assert b"rows, 4,000 at most" not in out
+    piped = subprocess.run(command, capture_output=True, check=True, timeout=120)
+    assert piped.stdout == out
+    assert piped.stderr == b""

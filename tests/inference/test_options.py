@@ -124,8 +124,8 @@ def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
         (lambda: Bootstrap(workers=0), "--workers 0: it must be"),
         (lambda: make_estimator("lsq", {"accuracy": 0.1}), "--accuracy belongs to --method exact or mcmc"),
         (
-            lambda: make_estimator("profile", {"workers": 2}),
-            "--workers belongs to --method exact or lsq or mcmc",
+            lambda: make_estimator("profile", {"max_steps": 2}),
+            "--max-steps belongs to --method mcmc",
         ),
     ],
 )

@@ -8,8 +8,9 @@ reason and left out, because one cell in a thousand million must not refuse the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,6 +24,7 @@ from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection
 from ifrfit.data.stream.files import NotStreamableError, refuse_copies, stream_files, unreadable
+from ifrfit.data.stream.plain_rows import PlainRows, all_rows
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, table_batches
@@ -30,6 +32,7 @@ from ifrfit.data.stream.tally import Tally
 from ifrfit.data.validate import undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.compiled_incidence import incidence_of
 from ifrfit.physics.observables import FREE, OBSERVABLES
 from ifrfit.text import joined
 
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
 
@@ -70,12 +74,16 @@ class Batch:
         Index into `Tally.series`.
     values : mapping of str to Values
         By observable.
+    number, first : int
+        Of the file, and of the row in it that is the first here.
     """
 
     incidence: Incidence
     gamma_deg: Array
     series: NDArray[np.intp]
     values: Mapping[str, Values]
+    number: int = 0
+    first: int = 0
 
 
 @dataclass(frozen=True)
@@ -151,22 +159,68 @@ class ImpactStream:
         for piece in portion:
             first = piece.first
             piece.check_unchanged()
+            layout: Layout | None = None
             for batch in _reading(piece):
                 if batch.num_rows:
-                    found, usable = self._batch(batch, piece.path, first, tally)
+                    if layout is None:
+                        layout = identify(cells_of(batch, piece.path, first), self.conventions)
+                        plain = PlainRows.of(layout, self.observables, self.has_sigma, self.selection.ranges)
+                    seen = self._plain_batch(batch, layout, plain, tally)
+                    found, usable = seen or self._batch(batch, piece.path, first, tally, layout, plain)
                     if sample is not None:
                         sample.draw(batch, piece.number, first, usable)
-                    yield found
+                    yield replace(found, number=piece.number, first=first)
                 first += batch.num_rows
                 tally.rows += batch.num_rows
             piece.check_unchanged()
 
-    def _batch(self, batch: pa.RecordBatch, path: Path, first: int, tally: Tally) -> tuple[Batch, Mask]:
-        """The impacts of a batch, and which of its rows have nothing that was left out."""
-        layout = identify(cells_of(batch, path, first), self.conventions)
-        return self.impacts_of(layout, self._series_of(batch, layout, tally), tally)
+    def _plain_batch(
+        self, batch: pa.RecordBatch, layout: Layout, plain: PlainRows | None, tally: Tally
+    ) -> tuple[Batch, Mask] | None:
+        """As `_batch`, where every row is good and every series is wanted; else None, and nothing counted."""
+        columns = None if plain is None or self.selection.series else plain.read(batch)
+        if plain is None or columns is None:
+            return None
+        gamma, n = columns["gamma"], batch.num_rows
+        spins = [columns.get(name) for name in ("spin_x", "spin_y")]
+        if any(spin is not None for spin in spins):
+            spins = [np.zeros(n) if spin is None else spin for spin in spins]
+        incidence = incidence_of(gamma, *spins)
+        if not plain.moves(incidence):
+            return None
+        values = {}
+        for name, key in plain.observables:
+            value, at = columns[name], all_rows(n)
+            sigma = np.full(n, np.nan) if key is None else columns[key]
+            if value.size and math.isnan(value.sum()):
+                at = np.flatnonzero(~np.isnan(value))
+                value, sigma = value[at], sigma[at]
+            tally.skipped["not measured"] += n - at.size
+            values[name] = Values(at, value, sigma)
+        return Batch(incidence, gamma, self._series_of(batch, layout, tally), values), np.ones(n, dtype=bool)
 
-    def impacts_of(self, layout: Layout, series: NDArray[np.intp], tally: Tally) -> tuple[Batch, Mask]:
+    def _batch(
+        self,
+        batch: pa.RecordBatch,
+        path: Path,
+        first: int,
+        tally: Tally,
+        layout: Layout,
+        plain: PlainRows | None,
+    ) -> tuple[Batch, Mask]:
+        """The impacts of a batch, and which of its rows have nothing that was left out."""
+        cells = cells_of(batch, path, first)
+        # units that headers leave open are told by the values of each batch
+        known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
+        return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
+
+    def impacts_of(
+        self,
+        layout: Layout,
+        series: NDArray[np.intp],
+        tally: Tally,
+        state_of: Callable[[Array, Array, Array], Incidence] = _IN_NUMPY,
+    ) -> tuple[Batch, Mask]:
         """The impacts of a table, and which of its rows have nothing that was left out."""
         cells = layout.cells
         spins = [np.nan_to_num(layout.numbers(name)) for name in ("spin_x", "spin_y")]
@@ -175,7 +229,9 @@ class ImpactStream:
         if self.selection.series:
             wanted = np.array([name in self.selection.series for name in tally.series])
             settings["outside the series"] = ~wanted[series]
-        incidence = Incidence.of(np.nan_to_num(gamma), *spins, degrees=True)
+        # impossible ones are left out below; what is computed of them only has to be a number
+        spins = [np.clip(spin, -2.0 * FREE, 2.0 * FREE) for spin in spins]
+        incidence = state_of(np.clip(np.nan_to_num(gamma), 0.0, 90.0), *spins)
         undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
         values = {}
         usable = np.ones(gamma.size, dtype=bool)

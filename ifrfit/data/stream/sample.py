@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.stream.table_batches import cells_of
+from ifrfit.physics.compiled_incidence import read_only
+from ifrfit.physics.compiling import compiled
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -41,10 +43,9 @@ class Sample:
 
     def draw(self, batch: pa.RecordBatch, number: int, first: int, usable: NDArray[np.bool_]) -> None:
         """Draw from some rows of file `number`, from `first` on."""
-        lots = _lots(number, first, batch.num_rows)
-        at = np.flatnonzero(usable & (lots < np.uint64(self.below)))
+        lots, at = _lots(number, first, usable, self.below - 1)
         if at.size:
-            self.drawn.append((lots[at], batch.take(at)))
+            self.drawn.append((lots.copy(), batch.take(at)))
         self._tidy()
 
     def merge(self, following: Sample) -> None:
@@ -96,11 +97,30 @@ class Sample:
         return cls(below, [(lots, table.to_batches()[0])])
 
 
-def _lots(number: int, first: int, n: int) -> NDArray[np.uint64]:
-    """A random number of each row, the same whenever it is asked for (splitmix64, Steele et al. 2014)."""
-    z = np.arange(first, first + n, dtype=np.uint64) + (np.uint64(number) << np.uint64(40))
-    with np.errstate(over="ignore"):
-        z = (z + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
+    """A random number of each row of a file, the same whenever it is asked for, (n,)."""
+    return _lots(number, first, np.ones(n, dtype=bool), 2**64 - 1)[0]
+
+
+def _lots(
+    number: int, first: int, is_free: NDArray[np.bool_], most: int
+) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
+    """The lots of rows of a file that are free and have such a number at most, and which rows these are."""
+    lots, rows = compiled(_drawn)(number, first, is_free.size, np.uint64(most), read_only(is_free))
+    return lots, rows
+
+
+def _drawn(
+    number: int, first: int, n: int, most: int, is_free: NDArray[np.bool_]
+) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
+    # splitmix64, Steele, Lea & Flood (2014), OOPSLA, 453
+    lots, rows = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.intp)
+    count = 0
+    seed = np.uint64(first) + (np.uint64(number) << np.uint64(40))
+    for i in range(n):
+        z = (seed + np.uint64(i) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return np.asarray(z ^ (z >> np.uint64(31)), dtype=np.uint64)
+        lots[count], rows[count] = z ^ (z >> np.uint64(31)), i
+        count += lots[count] <= most and is_free[i]
+    return lots[:count], rows[:count]

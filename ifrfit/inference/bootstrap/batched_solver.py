@@ -378,8 +378,9 @@ class BatchedSolver:
         for batched, one in zip(self.parameter_groups, solved, strict=True):
             leverage += leverage_of(batched, weight, one)
         new, tells = noise.copy(), np.ones(replicates.size, dtype=bool)
+        stands_for = np.ones(n) if self.problem.noise.counts is None else self.problem.noise.counts
         for i, rows in enumerate(self.groups.values()):
-            total, number = square[:, rows].sum(axis=1), counts[:, rows].sum(axis=1)
+            total, number = square[:, rows].sum(axis=1), counts[:, rows] @ stands_for[rows]
             dof = number - leverage[:, rows].sum(axis=1)
             # a misfit of nothing but rounding says nothing of the noise
             fine = (dof >= 0.5) & (total > self.problem.rounding_variance(rows) * number)

@@ -129,8 +129,7 @@ def bootstrap(
     freedom. Wild weights keep the size of every residual: they tell nothing of the noise, which gets no
     draws. Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
     """
-    if not _FEWEST <= replicates <= _MOST:
-        raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
+    check_replicates(replicates)
     if workers < 1:
         raise UsageError(f"--workers {workers}: at least one.")
     chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
@@ -146,6 +145,18 @@ def bootstrap(
         if progress is not None:
             progress(sum(len(p.reason) for p in parts), replicates)
     return _collect(problem, chosen, concatenate_fits(parts), seed)
+
+
+def check_replicates(replicates: int) -> None:
+    """Refuse a number of replicates that is none.
+
+    Raises
+    ------
+    UsageError
+        With the range.
+    """
+    if not _FEWEST <= replicates <= _MOST:
+        raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
 
 
 def solver_of(problem: Problem, found: LeastSquaresFit) -> Solver:

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
 import numpy as np
 from scipy import special
 
+from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.loo import loo_of, with_differences
 from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
-from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo
+from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo, PriorRow, PsiPlane
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
-from ifrfit.inference.fit import Data, Question, fit_problem, make_question
+from ifrfit.inference.fit import (
+    Data,
+    Question,
+    asked_of_stream,
+    fit_problem,
+    make_question,
+    open_stream,
+    stream_path,
+)
 from ifrfit.inference.keywords import QuestionKeywords, model_of, noise_of, split_columns
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -31,6 +41,7 @@ from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.text import joined
 
+_NO_OBLIQUE = "No row is of an oblique impact: e_n and mu alone say nothing of a closure."
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
 
@@ -100,9 +111,69 @@ def compare(
     data, options = split_columns("compare", QuestionKeywords, data, keywords)
     chosen, scatter = model_of(model, options), noise_of(noise)
     asked, notes = chosen_closures(closures, scatter.is_plain)
+    path = stream_path(data)
+    stream = None if path is None else open_stream(path, chosen, scatter, options)
+    if stream is not None:
+        if not closures:
+            asked, notes = _linear(asked)
+        notes += applied_where(asked, chosen.named_constants())
+        return _compare_stream(stream, asked, chosen, scatter, notes, seed, command)
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, options)
     return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
+
+
+def _linear(closures: Sequence[Closure]) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """Closures whose sums decide, and which others are left out."""
+    said = tuple(
+        f"{c.title} is left out: it needs the rows one by one, which are not held in memory."
+        for c in closures
+        if not c.bilinear
+    )
+    return tuple(c for c in closures if c.bilinear), said
+
+
+def _compare_stream(
+    stream: ImpactStream,
+    closures: Sequence[Closure],
+    model: Model,
+    noise: Noise,
+    notes: tuple[str, ...],
+    seed: int,
+    command: str,
+) -> Comparison:
+    """Closures side by side on the same sums; impacts are not left out one by one."""
+    from ifrfit.inference.sufficient_statistics.passes import Reader
+    from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
+
+    asked = [asked_of_stream(stream, model.with_closure(c), c, noise, seed) for c in closures]
+    found = fit_stream(
+        Reader(stream),
+        asked,
+        noise.policy,
+        Exact(),
+        separate_noise=bool(model.separate),
+        seed=seed,
+        command=command,
+    )
+    fits = {c.name: each.condensed for c, each in zip(closures, found, strict=True)}
+    # the rows of all closures are the same, and so is what their evidence lacks of that of all impacts
+    more = found[0].correction.of_evidence
+    priors = tuple(
+        PriorRow(row.varied, {n: None if x is None else x + more for n, x in row.log_evidence.items()})
+        for row in prior_table(fits)
+    )
+    if not fits[closures[0].name].problem_and_optimum()[0].has_oblique:
+        notes += (_NO_OBLIQUE,)
+    notes += ("Cross-validation and the psi plane take the rows one by one, which were not held in memory.",)
+    evidence = {name: fit.fit.log_evidence or 0.0 for name, fit in fits.items()}
+    entries = _entries(fits, evidence, {})
+    verdict = verdict_of(entries, priors)
+    shown = {
+        c.name: replace(entries[c.name], fit=each.result) for c, each in zip(closures, found, strict=True)
+    }
+    plane = PsiPlane("the rows were not held in memory")
+    return Comparison(shown, priors, plane, verdict, notes)
 
 
 def compare_result(result: FitResult) -> Comparison:
@@ -158,7 +229,7 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
-        notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
+        notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)
     plane = psi_plane(problems)
     return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)

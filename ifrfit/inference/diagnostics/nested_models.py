@@ -255,7 +255,7 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
     gained = max(expansion.decrease + float(before @ before - after @ after), 0.0)
     if problem.noise.is_known:
         return float(special.chdtrc(k, gained))
-    dof = len(problem.rows) - float(expansion.leverage.sum())
+    dof = problem.noise.count(np.arange(len(problem.rows))) - float(expansion.leverage.sum())
     z = problem.residual(found.optimum.theta) / found.sigma
     left = float(z @ z) - expansion.decrease
     if dof <= 1.0 or left <= 0.0:
@@ -333,11 +333,11 @@ def _scatter_by_series(
     problem: Problem, found: LeastSquaresFit, rows: np.ndarray
 ) -> list[tuple[str, tuple[float, float]]]:
     """Sum of squares and degrees of freedom of the rows of each series."""
-    residual = problem.residual(found.optimum.theta)
+    residual = problem.residual(found.optimum.theta) / problem.noise.base
     made = []
     for number, series in enumerate(problem.series):
         own = rows[problem.rows.series[rows] == number]
-        dof = own.size - float(found.gaussian.leverage[own].sum())
+        dof = problem.noise.count(own) - float(found.gaussian.leverage[own].sum())
         if dof >= _FEWEST:
             made.append((series, (float(residual[own] @ residual[own]), dof)))
     return made

@@ -228,11 +228,16 @@ def _by_observable(measured: Mapping[str, Index]) -> Mapping[str, Index]:
     return {name: np.sort(np.concatenate(rows)) for name, rows in parts.items()}
 
 
+def in_steps(value: Array, step: float) -> bool:
+    """Whether every value is a multiple of a decimal."""
+    number = value / step
+    return bool((np.abs(number - np.round(number)) < 1e-7).all())
+
+
 def resolution(value: Array) -> float:
     """The last decimal that any value is written with."""
     for step in 10.0 ** -np.arange(_DECIMALS):  # one at a time: there may be many values
-        in_steps = value / step
-        if (np.abs(in_steps - np.round(in_steps)) < 1e-7).all():
+        if in_steps(value, step):
             return float(step)
     return float(10.0**-_DECIMALS)
 

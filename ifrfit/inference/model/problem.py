@@ -47,6 +47,9 @@ class Problem:
     error_model : ErrorModel
     observations : Observations
         Where the rows come from, for what is reported of them. Nothing that is computed depends on it.
+    quoted_spins : tuple of (float, float) or None
+        R omega/u before impact, along and across the slip, at which the transition angle of each series is
+        reported; None: that of its median row.
     """
 
     rows: Rows
@@ -56,10 +59,11 @@ class Problem:
     noise: NoiseModel
     observations: Observations = field(metadata=EXCLUDED)
     error_model: ErrorModel = PLAIN
+    quoted_spins: tuple[tuple[float, float], ...] | None = field(default=None, metadata=EXCLUDED)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of everything that the answer depends on: every field but `observations`.
+        """SHA-256 of everything that the answer depends on: every field but those for what is reported.
 
         The closure counts with its coefficients, too, where it is bilinear.
         """

@@ -21,6 +21,7 @@ Bool = NDArray[np.bool_]
 
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 _BLOCK = 20_000  # rows
+_FEW = 1000  # rows up to which labels are numbered by a dictionary, in a fifth of the time
 OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
@@ -99,6 +100,26 @@ class Rows:
     def observables(self) -> tuple[Observable, ...]:
         """The observables that occur, in the order of `names`."""
         return tuple(OBSERVABLES[name] for name in self.names)
+
+    @cached_property
+    def measured(self) -> tuple[Observable, ...]:
+        """The observables that have a row; some rows of a table keep the names of all."""
+        if len(self.names) == 1:
+            return self.observables if len(self) else ()
+        count = np.bincount(self.which, minlength=len(self.names))
+        return tuple(each for each, n in zip(self.observables, count, strict=True) if n)
+
+    def is_any_of(self, names: Sequence[str]) -> Bool:
+        """Which rows have one of these observables, (n,)."""
+        return self._mask([name in names for name in self.names])
+
+    def measures(self, *kinds: str) -> bool:
+        """Whether a row has an observable of one of these kinds."""
+        return any(o.kind in kinds for o in self.measured)
+
+    def measures_scale(self, scale: str) -> bool:
+        """Whether a row has a tangential observable of this scale."""
+        return any(o.kind == "tangential" and o.scale == scale for o in self.measured)
 
     @cached_property
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
@@ -237,6 +258,10 @@ def as_slice(rows: Index) -> Index | slice:
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
+    if len(column) <= _FEW:
+        number: dict[str, int] = {}
+        few = [number.setdefault(label, len(number)) for label in column.tolist()]
+        return tuple(map(str, number)), np.array(few, dtype=np.intp)
     codes, labels = pd.factorize(column)
     return tuple(str(label) for label in labels), np.asarray(codes, dtype=np.intp)
 
@@ -245,6 +270,8 @@ def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
     number = impact_numbers(table)
     alone = number < 0
+    if alone.all():
+        return np.arange(number.size)
     number[alone] = -1 - np.flatnonzero(alone)
     codes, _ = pd.factorize(number)
     return np.asarray(codes, dtype=np.intp)

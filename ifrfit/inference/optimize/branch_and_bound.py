@@ -10,6 +10,7 @@ rounding leaves in doubt is solved again from its own rows. Derived in docs/theo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,9 @@ from ifrfit.inference.optimize.piecewise import (
     PiecewiseBatch,
     PiecewiseOptimum,
     PiecewiseProblem,
+    Transition,
 )
-from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
+from ifrfit.inference.optimize.piecewise_quadratic import CellMinima, PiecewiseQuadratic, quadratic_of
 from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, local_minima, refine
 
 Index = NDArray[np.intp]
@@ -45,32 +47,64 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     problem : PiecewiseProblem
         In at most three unknowns.
     """
+    centred, center, shift = _centred(problem)
+    return _minimise(centred).moved(center, shift) if center.any() else _minimise(centred)
+
+
+def least_value(problem: PiecewiseProblem) -> tuple[float, float]:
+    """The least value, from the rows, and how far below it a lower one is not excluded.
+
+    As `minimise`, but cells that cannot hold it are left alone: other local minima are not looked for.
+    """
+    centred, _, shift = _centred(problem)
+    quadratic = quadratic_of(PiecewiseBatch(centred))
+    found = refine(centred, quadratic, branch(centred, quadratic, _FIRST).member(0))
+    value = centred.value(found.point)
+    return value + shift, max(0.0, value - found.lowest_bound_elsewhere())
+
+
+def _centred(problem: PiecewiseProblem) -> tuple[PiecewiseProblem, Array, float]:
+    """The problem with its rows sorted, in t less a center, that center, and what the value lacks there.
+
+    Sums over many rows keep their digits when they are taken about a point near the optimum.
+    """
     problem = problem.sorted_by_tau()
     if problem.tau.size <= _MANY:
-        return _minimise(problem)
-    # sums over many rows keep their digits when they are taken about a point near the optimum
+        return problem, np.zeros(problem.kappa.size), 0.0
     center = _minimise(problem.take(slice(None, None, problem.tau.size // _SAMPLE))).t
     shift = 0.0 if problem.linear is None else float(problem.linear @ center)
-    return _minimise(problem.about(center)).moved(center, shift)
+    return problem.about(center), center, shift
 
 
 def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     """Minimise a problem whose rows are sorted."""
     quadratic = quadratic_of(PiecewiseBatch(problem))
     found = refine(problem, quadratic, branch(problem, quadratic, _FIRST, count_minima=True).member(0))
-    chi2 = problem.value(found.point)
+    return optimum_of(
+        problem.transition,
+        _PiecewiseCells(problem, quadratic),
+        found,
+        problem.value(found.point),
+        problem.tau.size,
+    )
+
+
+def optimum_of(
+    transition: Transition, cells: Cells, found: SolvedCells, chi2: float, n_rows: int
+) -> PiecewiseOptimum:
+    """What the solved cells say, with the value at the best point from the rows themselves."""
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
-    optima = [(chi2, found.point), *local_minima(problem, quadratic, found)[1:]]
+    optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
     near = found.values <= found.value + _CHI2_95
-    points, which = found.points[near], found.cells[near]
+    points, n_stick = found.points[near], cells.n_stick[found.cells[near]]
     return PiecewiseOptimum(
         found.point,
         chi2,
         gap,
         tuple(optima),
         np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
-        bool((which == 0).any()),
-        bool((which == found.bounds.size - 1).any()),
+        bool((n_stick == 0).any()),
+        bool((n_stick == n_rows).any()),
     )
 
 
@@ -115,27 +149,93 @@ class Branched:
         )
 
 
+class Cells(Protocol):
+    """The cells of b problems, m each: what is known of them before any is solved."""
+
+    @property
+    def n_stick(self) -> Index:
+        """How many rows, in ascending order of tau, stick in a cell, (m,)."""
+        ...
+
+    @property
+    def high(self) -> Array:
+        """Slip ratio of the first row that slides, (m,)."""
+        ...
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns."""
+        ...
+
+    @property
+    def least(self) -> float:
+        """A bound of every cell that needs no sums."""
+        ...
+
+    def lower_bounds(self) -> tuple[Array, Bool]:
+        """Lower bound of every cell, and which cells the sums leave in doubt, (b, m) each."""
+        ...
+
+    def minima(self, which: Index) -> CellMinima:
+        """Constrained minima of chosen cells, counted through the cells of all problems."""
+        ...
+
+
+@dataclass(frozen=True)
+class _PiecewiseCells:
+    """The cells of a piecewise problem, in up to three unknowns."""
+
+    problem: PiecewiseProblem
+    quadratic: PiecewiseQuadratic
+
+    @property
+    def n_stick(self) -> Index:
+        return self.quadratic.n_stick
+
+    @property
+    def high(self) -> Array:
+        return self.quadratic.high
+
+    @property
+    def n_unknowns(self) -> int:
+        return self.problem.kappa.size
+
+    @property
+    def least(self) -> float:
+        return 0.0 if self.problem.linear is None else -np.inf
+
+    def lower_bounds(self) -> tuple[Array, Bool]:
+        return self.quadratic.lower_bounds(linear=self.problem.linear is not None)
+
+    def minima(self, which: Index) -> CellMinima:
+        return self.quadratic.minima(self.problem, which)
+
+
 def branch(
     problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, n_first: int, *, count_minima: bool = False
 ) -> Branched:
+    """Branch over the cells of a piecewise problem."""
+    return branch_over(_PiecewiseCells(problem, quadratic), n_first, count_minima=count_minima)
+
+
+def branch_over(cells: Cells, n_first: int, *, count_minima: bool = False) -> Branched:
     """Solve every cell whose bound does not lie above the best value of its problem.
 
     The cells with the lowest bounds give a first value; all that its bound admits follow. The value only
     falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
     bound that needs no sums. With `count_minima` cells within `NEAR` of the best value are solved as well.
     """
-    bounds, doubtful = quadratic.lower_bounds(linear=problem.linear is not None)
+    bounds, doubtful = cells.lower_bounds()
     b, m = bounds.shape
-    least = 0.0 if problem.linear is None else -np.inf  # that needs no sums
-    np.maximum(bounds, least, out=bounds)
-    bounds[doubtful] = least
+    np.maximum(bounds, cells.least, out=bounds)
+    bounds[doubtful] = cells.least
     values, errors = np.full(b * m, np.inf), np.zeros(b * m)
-    points = np.zeros((b * m, problem.kappa.size))
+    points = np.zeros((b * m, cells.n_unknowns))
 
     def solve(which: Index) -> None:
         for start in range(0, which.size, _CHUNK):
             at = which[start : start + _CHUNK]
-            found = quadratic.minima(problem, at)
+            found = cells.minima(at)
             values[at], errors[at], points[at] = found.values, found.errors, found.points
 
     n_first = min(n_first, m)
@@ -154,7 +254,8 @@ def branch(
             # all sliding and all sticking: whether they describe the data is asked for
             admitted[:, [0, -1]] |= near[:, [0, -1]]
     admitted.reshape(-1)[first] = False
-    solve(np.flatnonzero(admitted))
+    if n_first < m:
+        solve(np.flatnonzero(admitted))
     solved = admitted
     solved.reshape(-1)[first] = True
     sure = np.flatnonzero(solved & ~doubtful)
@@ -163,7 +264,7 @@ def branch(
     return Branched(
         values.reshape(shape),
         errors.reshape(shape),
-        points.reshape(b, m, problem.kappa.size),
+        points.reshape(b, m, cells.n_unknowns),
         lowest,
         solved,
         bounds,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import GAP
-from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.branch_and_bound import least_value, minimise
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseBatch, PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_quadratic import cell_constraints, quadratic_of
 from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, minimum_near, scalar_minima
@@ -75,7 +75,7 @@ class PiecewiseMember:
 
     def value(self, x: float) -> float:
         """Value at one place, certified."""
-        return minimise(self.problem.with_fixed(self.unknown, x)).chi2
+        return least_value(self.problem.with_fixed(self.unknown, x))[0]
 
     def minimiser(self, x: float) -> Array:
         """All unknowns at a given value of the linking one, (q,)."""
@@ -87,8 +87,10 @@ class PiecewiseMember:
         low, high = max(low, lowest), min(high, highest)
         if multiplier * (low if multiplier > 0.0 else high) == -np.inf:
             return -np.inf  # where no row changes any more the multiplier leads down without end
-        found = minimise(self.problem.within(self.unknown, low, high).with_linear(self.unknown, multiplier))
-        return found.chi2 - found.gap
+        value, gap = least_value(
+            self.problem.within(self.unknown, low, high).with_linear(self.unknown, multiplier)
+        )
+        return value - gap
 
 
 @dataclass(frozen=True)

@@ -256,8 +256,12 @@ def _with_plain_errors(
         before = step if ahead is None else None
     sigma = base * factor
     is_provisional = optimum.is_local and modes is not None
-    if is_provisional:
-        optimum = solve(problem, sigma, start)
+    if is_provisional and modes is not None:
+        # one factor on all sigma moves nothing: what is proven is so at any, and need not be proven again
+        proven_before = modes.follows_squares and modes.gap is not None
+        optimum = solve(problem, sigma, start, slack=math.inf if proven_before else 0.0)
+        if proven_before:
+            optimum = _with_scaled_proof(optimum, modes.best.optimum, float(factor[0]) ** -2)
     if is_provisional or change > settled:
         gaussian = expanded(sigma, optimum.theta)
     count = problem.noise.count
@@ -269,6 +273,14 @@ def _with_plain_errors(
         optimum = _with_modes(optimum, modes, phi(problem, optimum.theta) - modes.best.value)
         rivals = modes.rivals
     return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, rivals)
+
+
+def _with_scaled_proof(optimum: Optimum, proven: Optimum, ratio: float) -> Optimum:
+    """The optimum with the better of its own proof and of one whose objective is `ratio` times smaller."""
+    if optimum.gap is None or proven.gap is None:
+        return optimum
+    bound = ratio * (proven.objective - proven.gap)
+    return replace(optimum, gap=min(optimum.gap, max(0.0, optimum.objective - bound)))
 
 
 def _with_modes(optimum: Optimum, modes: NoiseModes, moved: float) -> Optimum:

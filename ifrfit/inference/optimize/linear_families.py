@@ -215,11 +215,11 @@ class Forms:
 def linear_form(group: ParameterGroup) -> LinearForm | None:
     """Restate the group in the family that takes its rows; None if it is not linear in any family."""
     scaled = group.rows.of_scale("impulse"), group.rows.of_scale("rebound")
-    friction = bool(group.rows.of_kind("friction").any()) or group.mu.prior is not None
-    normal = bool(group.rows.of_kind("normal").any()) or group.e_n.prior is not None
-    if group.rows.of_kind("curved").any():
+    friction = bool(group.rows.measures("friction")) or group.mu.prior is not None
+    normal = bool(group.rows.measures("normal")) or group.e_n.prior is not None
+    if group.rows.measures("curved"):
         return None
-    if not group.rows.of_kind("tangential").any():
+    if not group.rows.measures("tangential"):
         return _direct_family(group)
     if group.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
         return kappa_form(group)

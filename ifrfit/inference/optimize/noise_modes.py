@@ -47,6 +47,8 @@ _DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
 _LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
 _CUTS_OF_GROUPS = 120  # the same, times the number of groups: of many the bound does not close
+_ROWS_OF_CUTS = 400_000  # rows of all boxes that are cut: of large tables fewer are
+_FEWEST_CUTS = 8
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
 _SAME_PHI = 1e-3  # and whose Phi are nearer than this
@@ -441,7 +443,7 @@ class _Search:
         counter = itertools.count()
         left_out = np.inf  # least bound of the boxes that need no cut
         queue = [self._box(low, self._top(low), next(counter))]
-        for _ in range(min(_CUTS, _CUTS_OF_GROUPS // len(self.groups))):
+        for _ in range(self._most_cuts):
             if not queue or queue[0].bound >= self.modes[0].value - NOISE_GAP:
                 break
             if (queue[0].optimum.gap or 0.0) > NOISE_GAP:
@@ -460,6 +462,12 @@ class _Search:
                     left_out = min(left_out, part.bound)
         lowest = min(left_out, queue[0].bound if queue else np.inf)
         return max(0.0, self.modes[0].value - lowest)
+
+    @property
+    def _most_cuts(self) -> int:
+        """Boxes that are cut at most; what is left open then shows in the gap."""
+        by_size = max(_FEWEST_CUTS, _ROWS_OF_CUTS // len(self.problem.rows))
+        return min(_CUTS, _CUTS_OF_GROUPS // len(self.groups), by_size)
 
     def descend_from_each_group(self, variance: Array, own: Array) -> None:
         """Look for a mode from each group alone, with its own variance; see `_each_alone`."""

@@ -53,9 +53,9 @@ class GroupOptimum:
 def is_separable(group: ParameterGroup) -> bool:
     """Whether e_n can be found apart: nothing ties it to the tangential constants but kappa itself."""
     tied = (
-        group.rows.of_scale("impulse").any()
-        or group.rows.of_scale("rebound").any()
-        or group.rows.of_kind("friction").any()
+        group.rows.measures_scale("impulse")
+        or group.rows.measures_scale("rebound")
+        or group.rows.measures("friction")
     )
     free_mu = group.mu.fixed is None and group.mu.prior is None
     return not tied and free_mu and group.mu.lower == 0.0 and math.isinf(group.mu.upper)
@@ -82,9 +82,11 @@ def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
 
     The value at which it is fixed; the middle of the domain where nothing measures it.
     """
+    e_n = group.e_n.fixed
+    if e_n is not None and group.e_n.prior is None and not group.rows.measures("normal"):
+        return e_n, 0.0
     at = group.rows.of_kind("normal")
     weight, product, _ = restitution_sums(group)
-    e_n = group.e_n.fixed
     if e_n is None and weight == 0.0:
         return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
     if e_n is None:

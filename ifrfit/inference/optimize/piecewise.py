@@ -76,6 +76,26 @@ class LinearRows:
 
 
 @dataclass(frozen=True)
+class Transition:
+    """Where regimes change: rows whose tau lies below (kappa @ t + kappa0)/(bound @ t + bound0) stick.
+
+    Attributes
+    ----------
+    kappa, bound : ndarray, (q,)
+    kappa0, bound0 : float
+    """
+
+    kappa: Array
+    kappa0: float
+    bound: Array
+    bound0: float
+
+    def at(self, points: Array) -> tuple[Array, Array]:
+        """kappa and the bound of the impulse at points (k, q)."""
+        return points @ self.kappa + self.kappa0, points @ self.bound + self.bound0
+
+
+@dataclass(frozen=True)
 class PiecewiseProblem:
     """Rows with two regimes, the switch between them, and a convex domain: eq. (1) of certificate.md.
 
@@ -113,6 +133,11 @@ class PiecewiseProblem:
     def half_linear(self) -> Array:
         """What `linear` takes off g in t'Gt - 2 g't, (q,)."""
         return np.zeros(self.kappa.size) if self.linear is None else 0.5 * self.linear
+
+    @property
+    def transition(self) -> Transition:
+        """Where its rows change their regime."""
+        return Transition(self.kappa, self.kappa0, self.bound, self.bound0)
 
     def sticks(self, t: Array) -> NDArray[np.bool_]:
         """Which rows stick at t."""

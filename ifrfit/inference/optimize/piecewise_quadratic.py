@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseBatch, PiecewiseProblem
 
-_DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve the cell from them
+DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve the cell from them
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
 _BLOCK = 32768  # cells bounded at once
@@ -200,7 +200,7 @@ def _unconstrained_minima(
     minimum, error = square.copy(), square.copy()
     for k in range(q):
         empty = gram[k, k] == 0.0
-        doubtful |= ~empty & (a[k][k] < _DOUBTFUL)
+        doubtful |= ~empty & (a[k][k] < DOUBTFUL)
         vanishing = empty | ~(a[k][k] > FLAT)
         flat |= vanishing
         pivot = np.where(vanishing, np.inf, a[k][k])

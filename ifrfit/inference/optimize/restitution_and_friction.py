@@ -28,6 +28,7 @@ from ifrfit.inference.optimize.parameter_group import (
 )
 from ifrfit.inference.optimize.piecewise import NEAR, PiecewiseBatch
 from ifrfit.inference.optimize.scalar_search import bounded_minimum, scalar_minima
+from ifrfit.inference.optimize.transition_search import least_chi2, optimum_in_c_and_kappa
 
 _REBOUND_SEEDS = 40
 _MOST_ROWS = 20_000  # of a batch, whose sums are not taken about the optimum
@@ -38,21 +39,29 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
     low, high = _range_of_e_n(group)
     many = ManyRestitutions.of(group, high)
 
-    def at(e_n: float) -> tuple[float, Constants]:
+    def constants_at(e_n: float) -> Constants:
+        plain = optimum_in_c_and_kappa(_with_fixed_restitution(group, e_n))
+        if plain is not None:
+            return plain.constants
         form = at_restitution(group, e_n)
-        optimum = minimise(form.problem)
-        return optimum.chi2 + float(_of_prior(group, e_n)), form.to_constants(optimum.t)
+        return form.to_constants(minimise(form.problem).t)
+
+    def value_at(e_n: float) -> float:
+        least = least_chi2(_with_fixed_restitution(group, e_n))
+        if least is None:
+            least = minimise(at_restitution(group, e_n).problem).chi2
+        return least + float(_of_prior(group, e_n))
 
     def objective_at(e_n: Array) -> Array:
         if many is None or e_n.size == 1:
-            return np.array([at(each)[0] for each in e_n.tolist()])
+            return np.array([value_at(each) for each in e_n.tolist()])
         return many.objective(e_n)
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
-    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.of_scale("rebound").any() else []
+    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.measures_scale("rebound") else []
     found = scalar_minima(objective_at, low, high, seeds)
     objective = found[0][0]
-    minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
+    minima = tuple((value, constants_at(e_n)) for value, e_n in found if value <= objective + NEAR)
     constants = minima[0][1]
     bound = _bound(group, constants)
     gap = max(0.0, objective - bound) if math.isfinite(bound) else None
@@ -61,7 +70,11 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
 
 def at_restitution(group: ParameterGroup, e_n: float) -> LinearForm:
     """The group where e_n is known: a problem in its closure constant and kappa."""
-    return kappa_form(replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None)))
+    return kappa_form(_with_fixed_restitution(group, e_n))
+
+
+def _with_fixed_restitution(group: ParameterGroup, e_n: float) -> ParameterGroup:
+    return replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None))
 
 
 def _of_prior(group: ParameterGroup, e_n: Array | float) -> Array:
@@ -124,7 +137,7 @@ class ManyRestitutions:
 
 def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:
     lower = group.e_n.lower
-    if group.rows.of_scale("rebound").any():
+    if group.rows.measures_scale("rebound"):
         lower = max(lower, LOWEST)  # tan_psi_out has no value at e_n = 0
     if math.isfinite(group.e_n.upper):
         return lower, group.e_n.upper

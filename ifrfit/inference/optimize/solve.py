@@ -25,6 +25,7 @@ from ifrfit.inference.optimize.parameter_group import (
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
+from ifrfit.inference.optimize.transition_search import optimum_in_c_and_kappa, unlimited
 
 _NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
@@ -176,8 +177,11 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
     certified : bool
         Whether a certified search over e_n is wanted where no other road is; else None.
     """
-    if group.rows.of_kind("curved").any():
+    if group.rows.measures("curved"):
         return None
+    plain = optimum_in_c_and_kappa(group)
+    if plain is not None:
+        return plain
     if group.e_n.fixed is None and is_separable(group):
         e_n, objective = restitution_optimum(group)
         rest = without_normal_rows(group, e_n)
@@ -194,14 +198,9 @@ def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimu
 def _extremes(group: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
-    if not group.rows.of_kind("tangential").any():
+    if not group.rows.measures("tangential"):
         return tuple(found)
-    e_n, c, mu = form.to_constants(optimum.t)
-    if optimum.all_stick and group.mu.fixed is None:
-        found.append((e_n, c, math.inf))
-    if optimum.all_slide and group.coefficients.a1 == 0.0 and group.c.fixed is None:
-        found.append((e_n, math.inf, mu))  # a constant that shows in sticking only
-    return tuple(found)
+    return (*found, *unlimited(group, optimum, form.to_constants(optimum.t)))
 
 
 def raised(found: GroupOptimum, by: float) -> GroupOptimum:
@@ -216,15 +215,15 @@ def center_unmeasured(group: ParameterGroup, constants: Constants) -> Constants:
     e_n is put into the middle of what bounds of mu allow.
     """
     e_n, c, mu = constants
-    if group.c.fixed is None and group.c.prior is None and not group.rows.of_kind("tangential").any():
+    if group.c.fixed is None and group.c.prior is None and not group.rows.measures("tangential"):
         c = 0.5 * (group.c.lower + group.c.upper)
         constants = e_n, c, mu
     touched = (
         group.e_n.fixed is not None
         or group.e_n.prior is not None
-        or group.rows.of_kind("normal", "friction").any()
-        or group.rows.of_scale("impulse").any()
-        or group.rows.of_scale("rebound").any()
+        or group.rows.measures("normal", "friction")
+        or group.rows.measures_scale("impulse")
+        or group.rows.measures_scale("rebound")
         or group.mu.fixed is not None
         or group.mu.prior is not None
     )

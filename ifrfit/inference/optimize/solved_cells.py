@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem, Transition
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, cell_constraints, cell_minima
 
 _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
@@ -42,7 +44,7 @@ class SolvedCells:
     bounds: Array
     all_near_solved: bool
 
-    @property
+    @cached_property
     def best(self) -> int:
         """Place of the best among the solved."""
         return int(np.argmin(self.values))
@@ -70,9 +72,7 @@ class SolvedCells:
         return float(self.bounds[rest].min(initial=np.inf))
 
 
-def local_minima(
-    problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: SolvedCells
-) -> list[tuple[float, Array]]:
+def local_minima(transition: Transition, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
     """Distinct local minima within `NEAR` of the least, best first.
 
     A cell's minimum on a kink is one of the whole only if the cell beyond the kink goes no lower; equal
@@ -85,14 +85,15 @@ def local_minima(
     order = np.argsort(found.cells[near])
     number, value, point = found.cells[near][order], found.values[near][order], found.points[near][order]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
-    kappa, bound = point @ problem.kappa + problem.kappa0, point @ problem.bound + problem.bound0
+    kappa, bound = transition.at(point)
     neighbours = np.diff(number) == 1
-    kink = quadratic.high[number[:-1]]
+    kink = high[number[:-1]]
     linked = neighbours & (_touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink))
-    minima: list[tuple[float, Array]] = []
-    for chain in np.split(np.arange(number.size), np.flatnonzero(~linked) + 1):
-        minima += _valleys(value[chain], point[chain], tolerance)
-    return sorted(minima, key=lambda item: item[0])
+    breaks = np.flatnonzero(~linked) + 1
+    heights, minima = value.tolist(), []
+    for start, stop in itertools.pairwise((0, *breaks.tolist(), number.size)):
+        minima += _valleys(heights, start, stop, tolerance)
+    return sorted(((float(value[at]), point[at]) for at in minima), key=lambda item: item[0])
 
 
 def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
@@ -111,23 +112,23 @@ def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
 
 def _touches(kappa: Array, bound: Array, tau: Array) -> NDArray[np.bool_]:
     """Whether a point lies on the kink at tau."""
-    finite = np.where(np.isinf(tau), 0.0, tau)
-    near = np.abs(kappa - finite * bound) <= 1e-9 * (np.abs(kappa) + np.abs(finite * bound))
-    return np.asarray(near & ~np.isinf(tau))
+    with np.errstate(invalid="ignore"):  # nothing touches a kink at infinity
+        kink = tau * bound
+        return np.asarray(np.abs(kappa - kink) < 1e-9 * (np.abs(kappa) + np.abs(kink)))
 
 
-def _valleys(values: Array, points: Array, tolerance: float) -> list[tuple[float, Array]]:
-    """Local minima of a chain of cells that touch: those with no lower neighbour, plateaus counted once."""
+def _valleys(values: list[float], start: int, stop: int, tolerance: float) -> list[int]:
+    """Places of local minima in a chain of cells that touch: no lower neighbour, plateaus counted once."""
     found = []
-    i = 0
-    while i < values.size:
+    i = start
+    while i < stop:
         end = i
-        while end + 1 < values.size and abs(values[end + 1] - values[i]) <= tolerance:
+        while end + 1 < stop and abs(values[end + 1] - values[i]) <= tolerance:
             end += 1
-        left = i > 0 and values[i - 1] < values[i] - tolerance
-        right = end + 1 < values.size and values[end + 1] < values[i] - tolerance
+        left = i > start and values[i - 1] < values[i] - tolerance
+        right = end + 1 < stop and values[end + 1] < values[i] - tolerance
         if not left and not right:
-            found.append((float(values[i]), points[i]))
+            found.append(i)
         i = end + 1
     return found
 

@@ -32,8 +32,9 @@ from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
+from ifrfit.inference.posterior.transition_quadrature import TransitionPosterior, transition_posterior
 
-ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
+ExactPosterior = QuadraturePosterior | TransitionPosterior | ImportancePosterior | Mixture
 
 # Values of the density that quadrature may take, each by its cost
 _MOST_WORK = 5e6  # a second or so, and 0.5 GB at most
@@ -90,6 +91,9 @@ def exact_posterior(
     target = SAMPLING_ERROR if tolerance >= _COARSE else TARGET
     if integrator == "sampling" or no_grid(problem):
         return sampled_posterior(problem, start, seed, target=target)
+    plain = transition_posterior(problem, tolerance, start)
+    if plain is not None:
+        return plain
     # up to where quadrature is not slower than draws
     most_work = _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
     found = _grid_up_to(most_work, problem, tolerance, start)

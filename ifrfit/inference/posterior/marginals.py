@@ -19,7 +19,12 @@ from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.noise_scale import NoiseScale
-from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis, quantiles
+from ifrfit.inference.posterior.quadrature_axis import (
+    PanelCdf,
+    QuadratureAxis,
+    quantiles,
+    quantiles_near_normal,
+)
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]  # of a level: mean and standard deviation
@@ -88,9 +93,23 @@ class Marginal:
             found[inside] = np.clip(np.concatenate([self.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
         return found
 
+    @cached_property
+    def at_normal_places(self) -> tuple[Array, Array]:
+        """Where a normal law has its quantiles, (7,), and the probabilities there by both levels, (2, 7)."""
+        mean, sd = self.moments(0)
+        at = np.minimum(np.maximum(mean + sd * _NORMAL, self.low), self.high)
+        return at, self.cdf(at, 2)
+
     def quantiles(self, p: Array, tolerance: float) -> Array:
         """Where the distribution function takes the values p; an open end is cut 1e6 sd above the mean."""
         mean, sd = self.moments(0)
+        if self.kinks is None and sd > 0.0:
+            at, reached = self.at_normal_places
+            found = quantiles_near_normal(
+                lambda t: self.cdf(t, 1)[0], p, (self.low, self.high), at, reached[0], 1e-3 * tolerance
+            )
+            if found is not None:
+                return found
         high = self.high if math.isfinite(self.high) else mean + 1e6 * sd
         return quantiles(lambda t: self.cdf(t, 1)[0], p, self.low, high, mean, sd, 1e-3 * tolerance)
 
@@ -243,12 +262,12 @@ def _error_of_moments(marginals: Mapping[str, Marginal]) -> float:
 def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> float:
     worst = 0.0
     for own in marginals.values():
-        mean, sd = own.moments(0)
+        sd = own.moments(0)[1]
         if sd == 0.0:
             continue
         change, normal = math.inf, False
         if own.kinks is None:
-            change, normal = _quantile_error_if_normal(own, mean, sd)
+            change, normal = _quantile_error_if_normal(own)
         # the integrand may have kinks or steps at the quantiles themselves
         if change > tolerance or not normal:
             change = _quantile_error(own, sd, tolerance)
@@ -256,10 +275,9 @@ def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
     return worst
 
 
-def _quantile_error_if_normal(own: Marginal, mean: float, sd: float) -> tuple[float, bool]:
+def _quantile_error_if_normal(own: Marginal) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
-    at = np.minimum(np.maximum(mean + sd * _NORMAL, own.low), own.high)
-    fine, coarse = own.cdf(at, 2)
+    fine, coarse = own.at_normal_places[1]
     change = float((np.abs(coarse - fine) / _HALF_DENSITY).max())
     return change, bool(np.abs(fine[1:-1:4] - _ENDS).max() < _NEARLY)
 

@@ -28,6 +28,9 @@ _FEW_VALUES = 12  # values up to which a table is made for themselves
 _BRACKET = 0.25  # in sd, either side of them
 _LEAST = 1e-15  # probability told from none
 _STEPS = 60  # of the safe search at most
+_SECANTS = 6  # after which a distribution function is none for secants
+_APART = 0.02  # between places at which a polynomial takes it, where a normal law is a straight line
+_RESOLVED = 0.1  # of the slope before, below which a secant is rounding
 # where distribution functions are tabled, in sd about the mean
 _SUPPORT = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 5.0, 7.0, 12.0, 30.0]))
 
@@ -317,6 +320,59 @@ def quantiles(
         a, b = np.where(above, a, x), np.where(above, x, b)
         kept = np.where(above, -1, 1)
     return np.asarray(x)
+
+
+def quantiles_near_normal(
+    cdf: Callable[[Array], Array],
+    p: Array,
+    ends: tuple[float, float],
+    at: Array,
+    reached: Array,
+    accuracy: float,
+) -> Array | None:
+    """Invert a distribution function that is known at some places already, and is nearly normal.
+
+    In the measure of probability in which a normal law is a straight line, the inverse is a polynomial
+    through these places; secants do the rest, with a fraction of the values that `quantiles` takes.
+
+    Parameters
+    ----------
+    cdf : callable
+        From thresholds (n,) to probabilities.
+    p : ndarray
+    ends : (float, float)
+        Of the support.
+    at, reached : ndarray, (k,)
+        Places, ascending, and the probabilities below them.
+    accuracy : float
+        Of the probabilities.
+
+    Returns
+    -------
+    ndarray or None
+        None where the polynomial says nothing: for the safe search.
+    """
+    target, known = _normal(p), _normal(reached)
+    if not (np.diff(known).min() > _APART and target.min() > known[0] and target.max() < known[-1]):
+        return None
+    powers = np.vander(np.concatenate((known, target)), known.size, increasing=True)
+    coefficients = np.linalg.solve(powers[: known.size], at)
+    x = powers[known.size :] @ coefficients
+    slope = powers[known.size :, :-1] @ (coefficients[1:] * np.arange(1.0, known.size))
+    before, x_before = target, x
+    for _ in range(_SECANTS):
+        if not (slope.min() > 0.0 and x.min() > ends[0] and x.max() < ends[1]):
+            return None
+        found = cdf(x)
+        own = _normal(found)
+        rise, run = own - before, x - x_before
+        is_resolved = rise * run > _RESOLVED * run * run / slope  # else a difference is rounding
+        slope = np.where(is_resolved, run / np.where(is_resolved, rise, 1.0), slope)
+        before, x_before = own, x
+        x = x + (target - own) * slope
+        if float(np.abs(found - p).max()) <= accuracy:  # and one step better
+            return np.asarray(np.minimum(np.maximum(x, ends[0]), ends[1]))
+    return None
 
 
 def _normal(p: Array) -> Array:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,8 +27,72 @@ _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
 _RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
+class PosteriorByMarginals:
+    """What a posterior says of each quantity by its `Marginal`, whatever the integral behind these."""
+
+    if TYPE_CHECKING:
+        marginals: Mapping[str, Marginal]
+        tolerance: float
+        error_evidence: float
+
+        @property
+        def error(self) -> float:
+            """Largest error of a result, in posterior standard deviations."""
+
+        @property
+        def error_of_moments(self) -> float:
+            """That of means and standard deviations."""
+
+        def _transition(self, series: str, p: Array) -> Array: ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free entries of theta, kappa, and free noises."""
+        return tuple(self.marginals)
+
+    @property
+    def resolution(self) -> float:
+        """Width, in sd, over which a density is taken."""
+        return _RESOLUTION
+
+    @property
+    def n_draws(self) -> float:
+        """There is no end to its draws."""
+        return math.inf
+
+    @property
+    def converged(self) -> bool:
+        """Whether the wanted tolerance was reached."""
+        moved = max(self.error_of_moments, self.error_evidence)
+        return moved <= self.tolerance and self.error <= self.tolerance
+
+    def mean(self, name: str) -> float:
+        """Posterior mean."""
+        return self.marginals[name].moments(0)[0]
+
+    def sd(self, name: str) -> float:
+        """Posterior standard deviation."""
+        return self.marginals[name].moments(0)[1]
+
+    def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior quantiles; p scalar or array, 0 to 1."""
+        wanted = np.atleast_1d(np.asarray(p, dtype=float))
+        if quantity_of(name) == "transition_tau":
+            found = self._transition(split_name(name)[1], wanted)
+        elif all(level in LEVELS for level in wanted.tolist()):
+            found = self.marginals[name].at_levels(self.tolerance)[np.searchsorted(LEVELS, wanted)]
+        else:
+            found = self.marginals[name].quantiles(wanted, self.tolerance)
+        return float(found[0]) if np.ndim(p) == 0 else found
+
+    def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior probability below a value."""
+        found = self.marginals[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
+        return float(found[0]) if np.ndim(value) == 0 else found
+
+
 @dataclass(frozen=True)
-class QuadraturePosterior:
+class QuadraturePosterior(PosteriorByMarginals):
     """What the data and the priors say of every constant, with the error that the quadrature reached.
 
     Attributes
@@ -68,27 +133,6 @@ class QuadraturePosterior:
         return self.errors[-1] if self.errors[-1] <= self.aim else whole_error(self.marginals, self.aim)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Free entries of theta, kappa, and free noises."""
-        return tuple(self.marginals)
-
-    @property
-    def resolution(self) -> float:
-        """Width, in sd, over which a density is taken."""
-        return _RESOLUTION
-
-    @property
-    def n_draws(self) -> float:
-        """There is no end to its draws."""
-        return math.inf
-
-    @property
-    def converged(self) -> bool:
-        """Whether the wanted tolerance was reached."""
-        moved = max(self.error_of_moments, self.error_evidence)
-        return moved <= self.tolerance and self.error <= self.tolerance
-
-    @property
     def error_of_moments(self) -> float:
         """That of means and standard deviations, with the quantiles where it is within the tolerance."""
         return self.errors[-1]
@@ -97,30 +141,6 @@ class QuadraturePosterior:
     def is_falling(self) -> bool:
         """Whether the last round halved the error: a single difference may miss what no node sees."""
         return len(self.errors) > 1 and self.errors[-1] <= 0.5 * self.errors[-2]
-
-    def mean(self, name: str) -> float:
-        """Posterior mean."""
-        return self.marginals[name].moments(0)[0]
-
-    def sd(self, name: str) -> float:
-        """Posterior standard deviation."""
-        return self.marginals[name].moments(0)[1]
-
-    def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
-        """Posterior quantiles; p scalar or array, 0 to 1."""
-        wanted = np.atleast_1d(np.asarray(p, dtype=float))
-        if quantity_of(name) == "transition_tau":
-            found = self._transition(split_name(name)[1], wanted)
-        elif bool(np.isin(wanted, LEVELS).all()):
-            found = self.marginals[name].at_levels(self.tolerance)[np.searchsorted(LEVELS, wanted)]
-        else:
-            found = self.marginals[name].quantiles(wanted, self.tolerance)
-        return float(found[0]) if np.ndim(p) == 0 else found
-
-    def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
-        """Posterior probability below a value."""
-        found = self.marginals[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
-        return float(found[0]) if np.ndim(value) == 0 else found
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Posterior covariance of free entries of theta, (n, n)."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimu
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.constants_table import ConstantsTable
-from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.deferred import Deferred, Postponed
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.state import state_of
@@ -55,6 +55,7 @@ from ifrfit.inference.result.types import (
     Fact,
     FitStatistics,
     NoiseSummary,
+    State,
 )
 from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import angle_offset_of, correlation_of, estimates_of, noise_of
@@ -84,8 +85,8 @@ class OptimumSummary:
     residuals : Residuals
     effects : tuple of EffectLine
         Criteria on the scene of the data.
-    points : DataFrame
-        Rows used, with fitted values and residuals.
+    sticks : ndarray of bool, (n,)
+        Which rows stick at the optimum.
     """
 
     gaussian: TruncatedGaussian
@@ -94,7 +95,7 @@ class OptimumSummary:
     statistics: FitStatistics
     residuals: Residuals
     effects: tuple[EffectLine, ...]
-    points: pd.DataFrame
+    sticks: NDArray[np.bool_]
 
 
 def summarize_optimum(
@@ -109,8 +110,6 @@ def summarize_optimum(
     conditions : Setting, optional
         The scene of the data, for the effects' criteria.
     """
-    import pandas as pd
-
     problem = at_fitted_offset(problem, optimum)
     e_n, c, mu = problem.per_row(optimum.optimum.theta)
     _, sticks = problem.impulse(e_n, c, mu)
@@ -118,15 +117,6 @@ def summarize_optimum(
     gaussian = truncated_gaussian(problem, optimum)
     constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
     derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, constants, kappas))
-    table = problem.observations.table
-    columns = {
-        "sigma_used": optimum.sigma,
-        "fitted": problem.rows.value - residuals.raw,
-        "residual": residuals.raw,
-        "standardised": residuals.studentised,
-        "tau": problem.rows.tau,
-        "sticking": sticks,
-    }
     return OptimumSummary(
         gaussian,
         constants,
@@ -134,8 +124,24 @@ def summarize_optimum(
         statistics_of(problem, optimum, residuals, sticks),
         residuals,
         effect_lines(problem, optimum, conditions, derived),
-        pd.concat([table, pd.DataFrame(columns, index=table.index, copy=False)], axis=1),
+        sticks,
     )
+
+
+def _points(problem: Problem, optimum: LeastSquaresFit, about: OptimumSummary) -> pd.DataFrame:
+    """The rows used, with fitted values and residuals."""
+    import pandas as pd
+
+    table, residuals = problem.observations.table, about.residuals
+    columns = {
+        "sigma_used": optimum.sigma,
+        "fitted": problem.rows.value - residuals.raw,
+        "residual": residuals.raw,
+        "standardised": residuals.studentised,
+        "tau": problem.rows.tau,
+        "sticking": about.sticks,
+    }
+    return pd.concat([table, pd.DataFrame(columns, index=table.index, copy=False)], axis=1)
 
 
 def build_result(
@@ -192,11 +198,20 @@ def build_result(
         angle_offset=angle_offset_of(optimum.angle_offset, distribution) if optimum.angle_offset else None,
         given=_given(problem),
     )
-    drawn = None
     if own is not None:
         bounds = problem.noise_bounds() if estimation.is_posterior else {}
         noise = noise_of(problem, own, noise, bounds)
-        drawn = own.draws(int(min(DRAWS, own.n_draws)), np.random.default_rng(seed))
+    drawn = Postponed(partial(_drawn, own, seed))
+    said = (*_warnings(problem), *estimation.warnings)
+
+    def state() -> State:
+        kept = drawn.value if estimation.predicts else None
+        return state_of(problem, about.gaussian, distribution, kept)
+
+    def taken() -> tuple[str, ...]:
+        unsaid = assumed if problem.has_oblique else ()
+        return *unsaid, *assumed_of(problem, optimum, constants, kappas, noise)
+
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=float(problem.inertia_factor),
@@ -210,18 +225,15 @@ def build_result(
         facts=Deferred(
             partial(_facts, asked, optimum, about, estimation, constants, drawn, conditions, brief=brief)
         ),
-        warnings=(*_warnings(problem), *estimation.warnings),
-        state=state_of(problem, about.gaussian, distribution, drawn if estimation.predicts else None),
-        points=about.points,
+        warnings=said,
+        state=cast("State", Postponed(state)),
+        points=cast("pd.DataFrame", Postponed(partial(_points, problem, optimum, about))),
         seed=seed,
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
-        assumed=(
-            *(assumed if problem.has_oblique else ()),
-            *assumed_of(problem, optimum, constants, kappas, noise),
-        ),
+        assumed=cast("tuple[str, ...]", Postponed(taken)),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
@@ -231,6 +243,13 @@ def build_result(
         profiles=estimation.profiles,
         files=estimation.files,
     )
+
+
+def _drawn(distribution: Distribution | None, seed: int) -> Mapping[str, Any] | None:
+    """Draws that a result keeps of what a method found; None where it found no distribution."""
+    if distribution is None:
+        return None
+    return distribution.draws(int(min(DRAWS, distribution.n_draws)), np.random.default_rng(seed))
 
 
 def _estimates(
@@ -254,7 +273,7 @@ def _facts(
     about: OptimumSummary,
     estimation: Estimation,
     constants: Constants,
-    drawn: Mapping[str, Any] | None,
+    draws: Postponed[Mapping[str, Any] | None],
     conditions: Setting | None,
     *,
     brief: bool,
@@ -305,7 +324,8 @@ def _facts(
         **({} if (tiny := tiny_friction(problem, constants)) is None else {"tiny_friction": tiny}),
         **found,
     }
-    if estimation.is_posterior and drawn is not None:
+    drawn = draws.value if estimation.is_posterior else None
+    if drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
     return facts | dict(estimation.diagnostics)
 
@@ -340,11 +360,11 @@ def _misfit(
 
 def _warnings(problem: Problem) -> tuple[str, ...]:
     said = list(problem.observations.notes)
-    table = problem.observations.table
+    rows = problem.rows
     ignored = [
         problem.observations.called(column)
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
-        if (table[column].to_numpy(dtype=float) > 0.0).any()
+        if (getattr(rows, column) > 0.0).any()
     ]
     if ignored and problem.error_model.angles == "none":
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
@@ -419,7 +439,8 @@ def statistics_of(
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
     offset = found.angle_offset
-    likely = likely_sigma(problem, found.optimum.theta)
+    known = problem.noise.is_known
+    likely = problem.noise.sigma if known else likely_sigma(problem, found.optimum.theta)
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares

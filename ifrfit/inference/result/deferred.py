@@ -1,10 +1,10 @@
-"""A mapping whose values are worked out when somebody first asks for one."""
+"""Values that are worked out when somebody first asks for them: entries of a mapping, fields of a result."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 Value = TypeVar("Value")
 
@@ -42,3 +42,52 @@ class Deferred(Mapping[str, Value], Generic[Value]):
 
     def __reduce__(self) -> tuple[type[dict[str, Value]], tuple[dict[str, Value]]]:
         return dict, (dict(self._entries),)
+
+
+class Postponed(Generic[Value]):
+    """One value, computed once, when it is first asked for.
+
+    Copies for other processes carry the value, not the way to it.
+
+    Parameters
+    ----------
+    compute : callable
+        Gives the value, the same whenever it is called.
+    """
+
+    def __init__(self, compute: Callable[[], Value]) -> None:
+        self._compute = compute
+
+    @cached_property
+    def value(self) -> Value:
+        """The value."""
+        return self._compute()
+
+    def __reduce__(self) -> tuple[Callable[[Value], Value], tuple[Value]]:
+        return _itself, (self.value,)
+
+
+def _itself(value: Value) -> Value:
+    return value
+
+
+class PostponedField:
+    """Data descriptor of a field that may be given as `Postponed`: who reads it gets the value.
+
+    Parameters
+    ----------
+    name : str
+        Of the field.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        if instance is None:
+            return self
+        own = instance.__dict__[self._name]
+        return own.value if isinstance(own, Postponed) else own
+
+    def __set__(self, instance: Any, value: Any) -> None:
+        instance.__dict__[self._name] = value

@@ -19,6 +19,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.constants_table import ConstantsTable
+from ifrfit.inference.result.deferred import PostponedField
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -43,6 +44,8 @@ else:
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Findings:
     """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
+
+    `assumed`, `state` and `points` may be given as `Postponed`, and are worked out when they are first read.
 
     Attributes
     ----------
@@ -168,3 +171,7 @@ class Findings:
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""
         return by_entry(self.constants)
+
+
+for _name in ("assumed", "state", "points"):  # after the decorator, which would take them for defaults
+    setattr(Findings, _name, PostponedField(_name))

@@ -6,7 +6,7 @@ Parts of a pass, wherever they were made, merge to what one pass would have left
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
@@ -17,9 +17,10 @@ from ifrfit.data.observations import Source
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.tally import Tally
-from ifrfit.inference.model.noise import resolution
-from ifrfit.inference.sufficient_statistics.moments import SUMS, ExactSum, Moments, N, bin_of, middles
+from ifrfit.inference.model.noise import in_steps, resolution
+from ifrfit.inference.sufficient_statistics.moments import SUMS, ExactSum, Moments, N, Place, middles
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
+from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import joined
 
@@ -102,19 +103,32 @@ class Accumulated:
         """Add the impacts of a batch, of whose series the tally knows."""
         names = self.stream.observables
         self._make_room()
+        place, x = intervals_of(batch.incidence, middles(self.bins))
         for number, name in enumerate(names):
             values = batch.values[name]
-            if not values.at.size:
-                continue
-            group = batch.series[values.at] * len(names) + number
-            place, w, s, r, x = self._row_sums(batch, name, values)
-            self.moments.add(group, place, w, s, r, x)
+            for series, own in _by_series(batch.series, values, len(self.tally.series)):
+                group = series * len(names) + number
+                whole = own.at.size == batch.gamma_deg.size
+                self._note(group, own, batch.gamma_deg if whole else batch.gamma_deg[own.at])
+                self._add_rows(group, name, batch, own, place, x)
             if OBSERVABLES[name].linear is not None:
                 self.window.add(name, batch, values, place)
-            gamma = batch.gamma_deg[values.at]
-            for own in np.unique(group).tolist() if len(self.tally.series) > 1 else (number,):
-                here = slice(None) if len(self.tally.series) == 1 else group == own
-                self._note(own, values.value[here], values.sigma[here], gamma[here])
+
+    def _add_rows(self, group: int, name: str, batch: Batch, values: Values, place: Place, x: Array) -> None:
+        """Add values of one group; `place` and `x` are of all impacts of the batch."""
+        at, value, sigma = values
+        incidence = batch.incidence
+        if at.size < batch.gamma_deg.size:
+            incidence, place, x = incidence.take(at), place[at], x[at]
+        w = 1.0 / (sigma * sigma) if self.weighted else np.ones(at.size)
+        observable = OBSERVABLES[name]
+        if observable.linear is None:
+            slope = np.ones(at.size) if observable.by_e_n is None else observable.by_e_n(incidence)
+            self.moments.add_direct(group, w, np.asarray(slope), value)
+        else:
+            # where nothing slips the slope is zero, or the observable has no value
+            offset, slope = observable.linear(incidence, self.stream.inertia_factor)
+            self.moments.add(group, place, w, slope, value - offset, x)
 
     def merge(self, following: Accumulated) -> None:
         """Add what was found of later portions."""
@@ -140,37 +154,21 @@ class Accumulated:
         self.moments = fresh
         self.groups += [GroupNotes() for _ in range(groups - len(self.groups))]
 
-    def _note(self, own: int, value: Array, sigma: Array, gamma: Array) -> None:
-        known = self.groups[own]
+    def _note(self, group: int, values: Values, gamma: Array) -> None:
+        known, (_, value, sigma) = self.groups[group], values
         known.least_gamma = min(known.least_gamma, float(gamma.min()))
         known.largest_gamma = max(known.largest_gamma, float(gamma.max()))
         known.largest_value = max(known.largest_value, float(value.max()), -float(value.min()))
-        if known.last_decimal > 1e-6:
+        if known.last_decimal > 1e-6 and not in_steps(value, known.last_decimal):
             known.last_decimal = min(known.last_decimal, resolution(value))
         if self.weighted:
             known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
             known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
             known.square_sigma = known.square_sigma.add(sigma * sigma)
-            known.log_sigma = known.log_sigma.add(np.log(sigma))
-
-    def _row_sums(self, batch: Batch, name: str, values: Values) -> tuple[Index, Array, Array, Array, Array]:
-        """Interval, weight, slope, value less offset and 1/tau of some rows."""
-        at, value, sigma = values
-        whole = at.size == batch.gamma_deg.size
-        incidence = batch.incidence if whole else batch.incidence.take(at)
-        w = sigma**-2.0 if self.weighted else np.ones(at.size)
-        observable = OBSERVABLES[name]
-        if observable.linear is None:
-            slope = np.ones(at.size) if observable.by_e_n is None else observable.by_e_n(incidence)
-            return np.zeros(at.size, dtype=np.intp), w, np.asarray(slope), value, np.zeros(at.size)
-        offset, slope = observable.linear(incidence, self.stream.inertia_factor)
-        slip = incidence.slip
-        with np.errstate(divide="ignore"):
-            x = np.where(slip > 0.0, incidence.cosine / slip, 0.0)
-        slope = np.where(slip > 0.0, slope, 0.0)
-        place = bin_of(slip, incidence.cosine, self.bins)
-        x = np.where(slip > 0.0, x - middles(self.bins)[place], 0.0)
-        return place, w, slope, value - offset, x
+            if sigma.size > 1 and float(sigma.min()) == float(sigma.max()):
+                known.log_sigma = known.log_sigma.merge(ExactSum.of_equal(math.log(sigma[0]), sigma.size))
+            else:
+                known.log_sigma = known.log_sigma.add(np.log(sigma))
 
     @property
     def sums(self) -> Array:
@@ -223,6 +221,20 @@ class Accumulated:
             if name.startswith(_WINDOW):
                 part.window.parts[name.removeprefix(_WINDOW)] = [rows]
         return part
+
+
+def _by_series(series: Index, values: Values, count: int) -> Iterator[tuple[int, Values]]:
+    """The values of each series that has any."""
+    if count == 1:
+        if values.at.size:
+            yield 0, values
+        return
+    own = series[values.at].astype(np.uint8)
+    order = np.argsort(own, kind="stable")
+    ends = np.cumsum(np.bincount(own, minlength=count))
+    for number, rows in enumerate(np.split(order, ends[:-1])):
+        if rows.size:
+            yield number, Values(values.at[rows], values.value[rows], values.sigma[rows])
 
 
 def source_of(of: Accumulated) -> Source:

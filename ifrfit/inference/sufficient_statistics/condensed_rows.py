@@ -77,7 +77,10 @@ def condensed_rows(
     pure = float(own[~known, S_ZZ].sum())
     lost = float(own[~known, N].sum())
     seen, own = seen[known], own[known]
-    x, weight, z, scatter = _two_places(own, seen, sums.shape[0])
+    tau = edges(sums.shape[0])
+    with np.errstate(divide="ignore"):
+        ends = 1.0 / tau[seen + 1], 1.0 / tau[seen]
+    x, weight, z, scatter = _two_places(own, middles(sums.shape[0])[seen], *ends)
     count = weight / own[:, S_1, None] * own[:, N, None]
     keep = weight > 0.0
     x, weight, z, count = x[keep], weight[keep], z[keep], count[keep]
@@ -93,6 +96,66 @@ def condensed_rows(
         z[both] += [half, -half]
         is_scatter = np.zeros(x.size, dtype=bool)
         is_scatter[both] = True
+    return _measured(x, weight, z, count, is_scatter, observable, inertia_factor, span)
+
+
+def condensed_groups(
+    sums: Array,
+    observable: str,
+    inertia_factor: float,
+    ends: tuple[float, float],
+    span: tuple[float, float] = (0.0, 0.0),
+) -> tuple[CondensedRows, Index]:
+    """The rows that stand for groups of impacts on one side of a transition, each with a scatter of its own.
+
+    Parameters
+    ----------
+    sums : ndarray, (groups, 7)
+        With x = 1/tau itself.
+    observable, inertia_factor, span
+        As `condensed_rows`.
+    ends : (float, float)
+        Least and largest 1/tau of that side.
+
+    Returns
+    -------
+    rows : CondensedRows
+    group : ndarray of int, (m,)
+        Of each row.
+    """
+    seen = np.flatnonzero(sums[:, S_1] > 0.0)
+    own = sums[seen]
+    low, high = (np.full(seen.size, end) for end in ends)
+    x, weight, z, scatter = _two_places(own, np.zeros(seen.size), low, high)
+    count = weight / own[:, S_1, None] * own[:, N, None]
+    # the heavier of both is parted, one above and one below, so far as the scatter takes
+    first = np.arange(seen.size), weight.argmax(axis=1)
+    half = np.sqrt(scatter / weight[first])
+    x, weight, z, count = (np.column_stack((each, each[first])) for each in (x, weight, z, count))
+    for each in (weight, count):
+        each[first] *= 0.5
+        each[:, 2] = each[first]
+    z[first] += half
+    z[:, 2] -= half
+    keep = weight > 0.0
+    is_scatter = np.zeros(int(keep.sum()), dtype=bool)
+    rows = _measured(
+        x[keep], weight[keep], z[keep], count[keep], is_scatter, observable, inertia_factor, span
+    )
+    return rows, np.broadcast_to(seen[:, None], keep.shape)[keep]
+
+
+def _measured(
+    x: Array,
+    weight: Array,
+    z: Array,
+    count: Array,
+    is_scatter: Bool,
+    observable: str,
+    inertia_factor: float,
+    span: tuple[float, float],
+) -> CondensedRows:
+    """Values of an observable at places 1/tau."""
     kind = OBSERVABLES[observable]
     if kind.linear is None:
         gamma = np.linspace(*span, x.size)
@@ -105,17 +168,19 @@ def condensed_rows(
     return CondensedRows(gamma, offset + slope * z, np.abs(slope) / np.sqrt(weight), count, is_scatter)
 
 
-def _two_places(own: Array, seen: Index, bins: int) -> tuple[Array, Array, Array, Array]:
-    """Places 1/tau, weights and values of two impacts an interval, (k, 2), and the scatter left, (k,)."""
+def _two_places(
+    own: Array, middle: Array, lowest: Array, highest: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Places 1/tau, weights and values of two impacts an interval, (k, 2), and the scatter left, (k,).
+
+    The sums are about `middle`; `lowest` and `highest` are the ends of 1/tau, (k,) each.
+    """
     total = own[:, S_1]
-    middle = middles(bins)[seen]
     mean, z = own[:, S_X] / total, own[:, S_Z] / total
     spread = np.maximum(own[:, S_XX] / total - mean**2, 0.0)
     spread = np.where(spread > np.maximum((_ONE_PLACE * middle) ** 2, 1e-15 * mean**2), spread, 0.0)
     deviation = np.sqrt(spread)
-    tau = edges(bins)
-    with np.errstate(divide="ignore"):
-        low, high = 1.0 / tau[seen + 1] - middle, 1.0 / tau[seen] - middle
+    low, high = lowest - middle, highest - middle
     # where the two do not fit about the mean, one stands so far out as the interval goes on that side
     up, down = deviation.copy(), deviation.copy()
     short = mean - down < low

@@ -12,8 +12,18 @@ from scipy.special import chdtrc, fdtrc
 
 from ifrfit.data.observations import Source
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.optimum_facts import at_bound, global_optimum, identifiable
+from ifrfit.inference.diagnostics.nested_models import pooling, unequal_noise
+from ifrfit.inference.diagnostics.optimum_facts import (
+    at_bound,
+    few_degrees_of_freedom,
+    global_optimum,
+    identifiable,
+    several_modes,
+    tiny_friction,
+)
+from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.assumptions import assumed_of
@@ -26,6 +36,8 @@ from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+_CHECKED = 300  # draws behind the posterior predictive checks
 
 
 @dataclass(frozen=True)
@@ -104,10 +116,10 @@ def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.o
     rest = float(counts[means | pairs].sum()) - means.sum() - common.size
     if dof < 1.0 or rest < 1.0 or within <= 0.0:
         says = "too few impacts away from the transition to look for lack of fit"
-        return Fact(True, says, {"tested": False}, FACTS["lack_of_fit"])
+        return Fact(True, says, {"p": None, "tested": False}, FACTS["lack_of_fit"])
     p = float(fdtrc(dof, rest, (between / dof) / (within / rest)))
     departure = math.sqrt(max(between / (within / rest) - dof, 0.0) / float(counts[means | pairs].sum()))
-    figures = {"p_value": p, "dof": dof, "departure_over_noise": departure}
+    figures = {"p": p, "dof": dof, "departure_over_noise": departure}
     if p < REFUTED:
         says = (
             f"the closure does not describe these data (p = {p:.2g}, means of narrow intervals of tau): they "
@@ -127,9 +139,20 @@ def facts_of_all(
     estimation: Estimation,
     sample: FitResult | DataError,
     kinds: NDArray[np.object_],
+    seed: int,
 ) -> dict[str, Fact]:
     """Of the optimum and of the method those of all impacts, the others those of the sample."""
-    own = dict(estimation.diagnostics)
+    shared = pooling(problem, optimum)
+    if not isinstance(sample, DataError) and _has_slipped(sample):
+        shared = None  # single rows tell whether the slip explains as much as series that differ
+    asked = {
+        "pooling": None if shared is None else shared.fact,
+        "unequal_noise": unequal_noise(problem, optimum),
+        "noise_modes": several_modes(problem, optimum),
+        "noise_dof": few_degrees_of_freedom(problem, optimum),
+        "tiny_friction": tiny_friction(problem, result.constants),
+    }
+    own = {name: fact for name, fact in asked.items() if fact is not None} | dict(estimation.diagnostics)
     own["global_optimum"] = global_optimum(optimum, bilinear=True)
     own["identifiable"] = identifiable(
         problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
@@ -141,9 +164,13 @@ def facts_of_all(
     scatter = sample.facts.get("lack_of_fit")
     if scatter is not None and not scatter.ok and own["lack_of_fit"].ok:
         del own["lack_of_fit"]  # means of many values do not tell how far single ones scatter
+    of_rows = dict(sample.facts)
+    checked = _predictive(sample, estimation, seed)
+    if checked is not None:
+        of_rows["predictive"] = checked
     looked = {
         name: replace(fact, says=f"in a sample of {len(sample.points):,} values: {fact.says}")
-        for name, fact in sample.facts.items()
+        for name, fact in of_rows.items()
         if name not in own
     }
     return {
@@ -151,6 +178,21 @@ def facts_of_all(
         **own,
         **{k: f for k, f in looked.items() if f.ok},
     }
+
+
+def _predictive(sample: FitResult, estimation: Estimation, seed: int) -> Fact | None:
+    """Whether the posterior of all impacts predicts the rows of a sample; None where it cannot tell."""
+    if not estimation.is_posterior or estimation.distribution is None:
+        return None
+    problem, _ = sample.problem_and_optimum()
+    drawn = estimation.distribution.draws(_CHECKED, np.random.default_rng(seed))
+    if any(name not in drawn for name in Density(problem).names):
+        return None  # a series is not in the sample
+    return predictive(problem, drawn)
+
+
+def _has_slipped(sample: FitResult) -> bool:
+    return "slips" in sample.facts and not sample.facts["slips"].ok
 
 
 def assumed_by(sample: FitResult, result: FitResult) -> tuple[str, ...]:

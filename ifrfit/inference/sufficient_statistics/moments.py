@@ -15,24 +15,21 @@ Numer. Math. 18, 224), so that neither the order of impacts nor the parts they c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+Place = NDArray[np.int32]
 
 N, S_1, S_X, S_XX, S_Z, S_ZX, S_ZZ = range(7)  # z = r/s: named as moments of x and z under the weight w s^2
 SUMS = 7
-
-
-def bin_of(slip: Array, cosine: Array, bins: int) -> Index:
-    """Interval of each impact: equal steps of tau/(1 + tau), where tau = slip/cosine."""
-    both = slip + cosine
-    share = np.divide(slip, both, out=np.zeros_like(both), where=both > 0.0)
-    return np.minimum((share * bins).astype(np.intp), bins - 1)
+_LANES = 16
 
 
 def edges(bins: int) -> Array:
@@ -42,10 +39,13 @@ def edges(bins: int) -> Array:
         return share / (1.0 - share)
 
 
+@lru_cache(maxsize=4)
 def middles(bins: int) -> Array:
     """1/tau in the middle of each interval, (bins,): about it 1/tau keeps its digits."""
     share = (np.arange(bins) + 0.5) / bins
-    return np.asarray((1.0 - share) / share)
+    found = np.asarray((1.0 - share) / share)
+    found.flags.writeable = False
+    return found
 
 
 def about_zero(sums: Array) -> Array:
@@ -65,7 +65,7 @@ class Moments:
     Attributes
     ----------
     high, low : ndarray, (groups, bins, `SUMS`)
-        A sum is the high part, to rounding; the low part is what that leaves.
+        A sum is both together; after a merge the high part is the sum to rounding.
     """
 
     high: Array
@@ -77,9 +77,19 @@ class Moments:
         shape = (groups, bins, SUMS)
         return cls(np.zeros(shape), np.zeros(shape))
 
-    def add(self, group: Index, place: Index, w: Array, s: Array, r: Array, x: Array) -> None:
-        """Add impacts, (n,) each: group, interval, weight, slope, value less offset, and x."""
-        compiled(_accumulate)(self.high, self.low, group, place, w, s, r, x)
+    def add(self, group: int, place: Place, w: Array, s: Array, r: Array, x: Array) -> None:
+        """Add impacts of a group, (n,) each: interval, weight, slope, value less offset, and x."""
+        terms = map(read_only, (w, s, r, x))
+        compiled(_accumulate)(self.high[group], self.low[group], read_only(place), *terms)
+
+    def add_direct(self, group: int, w: Array, s: Array, r: Array) -> None:
+        """Add impacts whose values are a constant times the slope: all in one interval, where x is zero."""
+        high, low = self.high[group, 0], self.low[group, 0]
+        ws = w * s
+        high[N] += w.size
+        for of, terms in ((S_1, ws * s), (S_Z, ws * r), (S_ZZ, w * r * r)):
+            found = ExactSum(float(high[of]), float(low[of])).add(terms)
+            high[of], low[of] = found.high, found.low
 
     def merge(self, other: Moments) -> Moments:
         """The sums of both."""
@@ -99,6 +109,12 @@ class ExactSum:
         """With some more numbers."""
         return self.merge(ExactSum(*compiled(_exact_sum)(values)))
 
+    @classmethod
+    def of_equal(cls, value: float, count: int) -> ExactSum:
+        """Of a number so many times."""
+        high = value * count
+        return cls(high, float(Fraction(value) * count - Fraction(high)))
+
     def merge(self, other: ExactSum) -> ExactSum:
         """The sum of both."""
         # an addend may come with more in its low part than its high part has in its last digit
@@ -116,34 +132,36 @@ def _two_sum(a: Array, b: Array) -> tuple[Array, Array]:
 
 def _exact_sum(values: Array) -> tuple[float, float]:
     # what rounding leaves is added up beside: small as it is, its own rounding is of second order
-    high, low = 0.0, 0.0
-    for i in range(values.size):
-        total = high + values[i]
-        part = total - high
-        low += (high - (total - part)) + (values[i] - part)
-        high = total
-    return high, low
+    high, low = np.zeros(_LANES), np.zeros(_LANES)
+    whole = values.size // _LANES * _LANES
+    for first in range(0, whole, _LANES):
+        for k in range(_LANES):  # next to one another, so that the processor takes them together
+            total = high[k] + values[first + k]
+            part = total - high[k]
+            low[k] += (high[k] - (total - part)) + (values[first + k] - part)
+            high[k] = total
+    sum_, rest = 0.0, 0.0
+    for i in range(_LANES + values.size - whole):
+        term = high[i] if i < _LANES else values[whole + i - _LANES]
+        total = sum_ + term
+        part = total - sum_
+        rest += (sum_ - (total - part)) + (term - part)
+        sum_ = total
+    for k in range(_LANES):
+        rest += low[k]
+    return sum_, rest
 
 
-def _accumulate(
-    high: Array, low: Array, group: Index, place: Index, w: Array, s: Array, r: Array, x: Array
-) -> None:
-    terms = np.empty(7)
+def _accumulate(high: Array, low: Array, place: Place, w: Array, s: Array, r: Array, x: Array) -> None:
     for i in range(w.size):
+        b = place[i]
         ws = w[i] * s[i]
-        terms[0] = 1.0
-        terms[1] = ws * s[i]
-        terms[2] = terms[1] * x[i]
-        terms[3] = terms[2] * x[i]
-        terms[4] = ws * r[i]
-        terms[5] = terms[4] * x[i]
-        terms[6] = w[i] * r[i] * r[i]
-        g, b = group[i], place[i]
-        for k in range(7):
-            a, t = high[g, b, k], terms[k]
-            total = a + t
-            part = total - a
-            rest = (a - (total - part)) + (t - part) + low[g, b, k]
-            new = total + rest
-            high[g, b, k] = new
-            low[g, b, k] = rest - (new - total)
+        one, z = ws * s[i], ws * r[i]
+        high[b, 0] += 1.0
+        k = 1
+        for term in (one, one * x[i], one * x[i] * x[i], z, z * x[i], w[i] * r[i] * r[i]):
+            total = high[b, k] + term
+            part = total - high[b, k]
+            low[b, k] += (high[b, k] - (total - part)) + (term - part)
+            high[b, k] = total
+            k += 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +19,18 @@ from ifrfit.data.stream.portions import FIRST_ROWS, Portion
 from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
-from ifrfit.inference.sufficient_statistics.moments import bin_of
+from ifrfit.inference.sufficient_statistics.moments import middles
 from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
 from ifrfit.inference.workers.crews import TRIES, Crew
 from ifrfit.inference.workers.lots import in_order
+from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 
 Mask = NDArray[np.bool_]
 Progress = Callable[[int, int], None]
 Tell = Callable[[int], None]
+T = TypeVar("T")
 
 _MOST_KEPT = 3 * FIRST_ROWS  # rows that are all kept until the sums tell which to keep
 _STAGE = 8  # times as many rows in each stage as in all before it
@@ -117,6 +119,17 @@ class Reader:
             tell(0)
         return total
 
+    def parts(self, work: Callable[[Tell | None, Sequence[Portion]], list[T]]) -> Iterator[T]:
+        """What is found of each portion in a pass of its own, in their order; `work` is told whom to tell."""
+        done = Tally()
+        tell = partial(self._tell, done)
+        task = partial(work, self._here(tell, self.crew))
+        found: Iterator[T] = in_order(self.stream.portions, task, _lost, self.crew)
+        for portion, part in zip(self.stream.portions, found, strict=True):
+            done.rows += _rows_of(portion)
+            tell(0)
+            yield part
+
     def _here(self, tell: Tell, crew: Crew | None) -> Tell | None:
         """Who is told of rows while a portion is read: nobody, where others read it."""
         return tell if crew is None and self.progress is not None else None
@@ -148,9 +161,9 @@ def _rows(
     for portion in portions:
         tally, rows = Tally(), WindowRows(inside)
         for batch in stream.batches(portion, tally):
-            place = bin_of(batch.incidence.slip, batch.incidence.cosine, bins)
+            place, _ = intervals_of(batch.incidence, middles(bins))
             for name in names:
-                rows.add(name, batch, batch.values[name], place[batch.values[name].at])
+                rows.add(name, batch, batch.values[name], place)
             if tell is not None:
                 tell(tally.rows)
         found.append((tally, rows))

@@ -9,21 +9,29 @@ posterior.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from ifrfit.data.observations import Observations
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
-from ifrfit.data.selection import select
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
+    Correction,
     assumed_by,
     facts_of_all,
     likelihood_correction,
@@ -33,47 +41,85 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
-from ifrfit.inference.sufficient_statistics.transition_window import Question
+from ifrfit.inference.sufficient_statistics.transition_window import Question, solve_together
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import joined
 
 SampleFit = Callable[[Observations], FitResult]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
-_MANY = (30_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
-_METHODS = ("exact", "lsq")
+_MANY = (3_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
+_METHODS = ("exact", "lsq", "profile", "bootstrap")
+_BEATEN = 100.0  # of minus twice the log likelihood, beyond which a closure has no hope
+_SHOWN = 0.997  # level up to which a profile is looked at
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A closure that is put to a stream.
+
+    Attributes
+    ----------
+    closure : Closure
+        A bilinear one.
+    parameters : tuple of Parameter
+    fit_sample : callable
+        Fits a sample that is held in memory, for the facts that look at single rows.
+    assumed : tuple of str
+        As `ifrfit.inference.result.build.build_result`.
+    """
+
+    closure: Closure
+    parameters: tuple[Parameter, ...]
+    fit_sample: SampleFit
+    assumed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StreamedFit:
+    """A fit of impacts that are not held in memory.
+
+    Attributes
+    ----------
+    result : FitResult
+        Of all impacts, with points of a sample.
+    condensed : FitResult
+        The same statistics and facts beside the problem of condensed rows, and these as points.
+    correction : Correction
+        From the likelihood and evidence of condensed rows to those of all.
+    """
+
+    result: FitResult
+    condensed: FitResult
+    correction: Correction
 
 
 def fit_stream(
     reader: Reader,
-    closure: Closure,
-    parameters: Sequence[Parameter],
+    asked: Sequence[Asked],
     policy: str | None,
     estimator: Estimator,
-    fit_sample: SampleFit,
     *,
     separate_noise: bool,
-    assumed: tuple[str, ...],
     seed: int = 0,
     command: str = "",
-) -> FitResult:
-    """Recover one set of constants from impacts that are not held in memory.
+) -> list[StreamedFit]:
+    """Recover the constants of one or several closures from impacts that are not held in memory.
 
     Parameters
     ----------
     reader : Reader
         Of the stream.
-    closure : Closure
-        A bilinear one.
-    parameters : sequence of Parameter
+    asked : sequence of Asked
+        Closures, which are put to the same sums of one pass.
     policy : {"known", "unknown"} or None
         None: known where every observable has a column of uncertainties.
     estimator : Estimator
-        exact or lsq.
-    fit_sample : callable
-        Fits a sample that is held in memory, for the facts that look at single rows.
+        exact, lsq, profile, or bootstrap by cases.
     separate_noise : bool
-    assumed : tuple of str
     seed, command
         As `ifrfit.fit`.
 
@@ -85,64 +131,149 @@ def fit_stream(
         As the stream; and where the data leave open where the transition lies, so that too many impacts would
         have to be held.
     """
-    _refuse(closure, policy, estimator)
+    for each in asked:
+        _refuse(each.closure, policy, estimator)
     stream = reader.stream
     weighted = stream.has_sigma if policy is None else policy == "known"
     if weighted and not stream.has_sigma:
         raise DataError(f"{stream.path}: --noise known needs a column of uncertainties for each observable.")
     noise: Policy = "known" if weighted else "unknown"
 
-    def asked_of(of: Accumulated) -> Question:
-        return Question(of, closure, tuple(parameters), noise, separate_noise)
+    def questions_of(of: Accumulated) -> list[Question]:
+        return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
+
+    def window_of(of: Accumulated, coming: int) -> Mask:
+        return np.asarray(np.any([each.expected_window(coming) for each in questions_of(of)], axis=0))
 
     bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
-    of = reader.accumulate(weighted, bins, lambda part, coming: asked_of(part).expected_window(coming))
+    of = reader.accumulate(weighted, bins, window_of)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
+    questions = questions_of(of)
+    solved, fetched = solve_together(questions, reader)
+    values = [
+        question.value(problem, optimum.optimum.theta)
+        for question, (problem, optimum) in zip(questions, solved, strict=True)
+    ]
+    return [
+        _estimated(
+            each, question, *found, fetched, estimator, reader, seed, command, beaten=value - min(values)
+        )
+        for each, question, found, value in zip(asked, questions, solved, values, strict=True)
+    ]
+
+
+def _estimated(
+    asked: Asked,
+    question: Question,
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    fetched: Mask,
+    estimator: Estimator,
+    reader: Reader,
+    seed: int,
+    command: str,
+    *,
+    beaten: float,
+) -> StreamedFit:
+    """What a method finds beyond an optimum, and what is said of all impacts.
+
+    Single rows are not looked at under a closure that another one beats by far: all of them misfit.
+    """
+    of, stream = question.of, question.of.stream
+    assumed = asked.assumed
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):
         assumed = (*assumed, "no spin before impact")
-    question = asked_of(of)
-    problem, optimum, fetched = question.solve(reader)
     if not problem.has_oblique:
         assumed = ()
-    estimation = estimator.run(problem, optimum, seed=seed, progress=None)
+    sample = _sample(of, asked.fit_sample)
+    problem = replace(problem, quoted_spins=_median_spins(problem, sample))
+    estimation = _estimation(estimator, question, problem, optimum, reader, seed)
+    if estimation.profiles:
+        _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
-    sample = _sample(of, fit_sample)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
     optimum = replace(optimum, optimum=replace(optimum.optimum, gap=proven))
     correction = likelihood_correction(problem, optimum, of)
     evidence = result.fit.log_evidence
-    if isinstance(sample, DataError):
-        said = (
-            f"no fact on single rows was looked for, because a sample of them is refused: {sample.in_shell}"
-        )
-        points = result.points.iloc[:0]
-    else:
-        said = (
-            f"facts on single rows were looked for in a sample of {len(sample.points):,} values of "
-            f"{source.rows_used:,}"
-        )
+    points = result.points.iloc[:0]
+    if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
         assumed = (*assumed, *assumed_by(sample, result))
-        if len(points) < source.rows_used:
-            said = f"{said}; the result keeps {len(points):,} of them, for figure and report"
-    return replace(
+    looked_at = sample
+    if beaten > _BEATEN:
+        looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
+    condensed = replace(
         result,
         inputs=(source,),
         fit=replace(
             statistics_of_all(problem, optimum, result, of, correction),
             log_evidence=None if evidence is None else evidence + correction.of_evidence,
         ),
-        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, sample, kinds)),
-        warnings=(*result.warnings, *warnings_of(of, source), said),
-        points=points,
+        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, looked_at, kinds, seed)),
+        warnings=(
+            *result.warnings,
+            *warnings_of(of, source),
+            _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
+        ),
         assumed=assumed,
-        problem=None,
-        least_squares=None,
     )
+    return StreamedFit(
+        replace(condensed, points=points, problem=None, least_squares=None), condensed, correction
+    )
+
+
+def _estimation(
+    estimator: Estimator,
+    question: Question,
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    reader: Reader,
+    seed: int,
+) -> Estimation:
+    """What a method finds beyond an optimum: from condensed rows, or from groups that are drawn anew."""
+    if not isinstance(estimator, Bootstrap):
+        return estimator.run(problem, optimum, seed=seed, progress=None)
+    from ifrfit.inference.bootstrap import REPLICATES
+    from ifrfit.inference.bootstrap.summary import estimation_of
+    from ifrfit.inference.sufficient_statistics.grouped_cases import GROUPS, bootstrap_of_groups
+
+    replicates = REPLICATES if estimator.replicates is None else estimator.replicates
+    found = estimation_of(*bootstrap_of_groups(question, problem, optimum, reader, replicates, seed))
+    known_to = 100.0 / math.sqrt(2.0 * GROUPS)
+    said = (
+        f"Drawn were {GROUPS:,} random groups of impacts within each series in the place of impacts: an sd "
+        f"of the bootstrap is known to {known_to:.1f} %, beside what {replicates:,} replicates leave open."
+    )
+    return replace(found, warnings=(*found.warnings, said))
+
+
+def _of_sample(
+    sample: FitResult | DataError,
+    looked_at: FitResult | DataError,
+    kept: int,
+    source: Source,
+    *,
+    has_spin: bool,
+) -> str:
+    """What is said of the sample, of which some points are kept."""
+    if isinstance(sample, DataError):
+        said = (
+            f"no fact on single rows was looked for, because a sample of them is refused: {sample.in_shell}"
+        )
+        return f"{said} Transition angles are those without spin before impact" if has_spin else said
+    if isinstance(looked_at, DataError):
+        return f"no fact on single rows was looked for: {looked_at.in_shell}"
+    drawn = len(sample.points)
+    said = f"facts on single rows were looked for in a sample of {drawn:,} values of {source.rows_used:,}"
+    if has_spin and drawn < source.rows_used:
+        said = f"{said}, and transition angles are those at its median spin"
+    if kept < source.rows_used:
+        said = f"{said}; the result keeps {kept:,} of them, for figure and report"
+    return said
 
 
 def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
@@ -156,9 +287,45 @@ def _refuse(closure: Closure, policy: str | None, estimator: Estimator) -> None:
     if policy not in (None, "known", "unknown"):
         raise UsageError(f"--noise {policy}: data that are not held in memory take known or unknown.")
     if estimator.name not in _METHODS:
+        those = joined(_METHODS, "or")
+        raise UsageError(f"--method {estimator.name}: data that are not held in memory take {those}.")
+    if isinstance(estimator, Bootstrap) and estimator.replicates is not None:
+        from ifrfit.inference.bootstrap.estimator import check_replicates
+
+        check_replicates(estimator.replicates)
+    if isinstance(estimator, Bootstrap) and estimator.scheme not in (None, "cases"):
         raise UsageError(
-            f"--method {estimator.name}: data that are not held in memory take {' or '.join(_METHODS)}."
+            f"--resample {estimator.scheme}: data that are not held in memory are drawn by cases; residuals "
+            "would need every row again in each replicate. Leave it out."
         )
+
+
+def _refuse_far_profiles(path: Path, estimation: Estimation, least: float) -> None:
+    """Refuse profiles that would have to be followed to where impacts do not stand for themselves."""
+    highest = max(profile.cut(_SHOWN) for profile in estimation.profiles.values())
+    if least <= highest:
+        raise DataError(
+            f"{path}: a profile is drawn to a rise of {highest:.3g}, and the sums prove it only to "
+            f"{least:.3g}, because an unknown noise rests on so few values. Fit a part of the data in "
+            "memory, or take --method exact."
+        )
+
+
+def _median_spins(problem: Problem, sample: FitResult | DataError) -> tuple[tuple[float, float], ...]:
+    """Of each series in the sample, of all its rows where a series is not in it; none without a sample.
+
+    Condensed rows have angles without spin.
+    """
+    if isinstance(sample, DataError):
+        return ((0.0, 0.0),) * len(problem.series)
+    drawn, _ = sample.problem_and_optimum()
+    i = drawn.rows.incidence
+
+    def of(rows: Index | slice) -> tuple[float, float]:
+        return float(np.median(i.spin_x[rows])), float(np.median(i.spin_y[rows]))
+
+    known = {name: of(np.flatnonzero(drawn.rows.series == k)) for k, name in enumerate(drawn.series)}
+    return tuple(known.get(name) or of(slice(None)) for name in problem.series)
 
 
 def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
@@ -166,9 +333,7 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     stream = of.stream
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
-    wanted = replace(stream.selection, observable=stream.observables)
     try:
-        sample = observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor)
-        return fit_sample(select(sample, wanted))
+        return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -18,6 +18,7 @@ from ifrfit.inference.model.parameters import Parameter, ParameterSet
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import N
@@ -33,6 +34,7 @@ Mask = NDArray[np.bool_]
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
 _MOST_ROWS = 2_000_000  # that are fetched
 _PASSES = 4
+_LEAST = 1e-300  # sum of squares whose logarithm is taken
 MEAN, SCATTER = "mean of an interval", "scatter within intervals"  # what condensed rows are
 
 
@@ -46,28 +48,6 @@ class Question:
     noise: Policy
     separate_noise: bool
 
-    def solve(self, reader: Reader) -> tuple[Problem, LeastSquaresFit, NDArray[np.bool_]]:
-        """The problem with the impacts that it needs one by one, its optimum, and their intervals."""
-        fetched = np.zeros((len(self.of.series), self.of.bins), dtype=bool)
-        rows: list[pd.DataFrame] = []
-        for _ in range(_PASSES):
-            problem = self.problem(rows, fetched)
-            optimum = least_squares(problem)
-            needed = self.bounds() < self.value(problem, optimum) + FAR
-            if not (needed & ~fetched).any():
-                return problem, optimum, fetched
-            fetched |= _with_neighbours(needed)
-            self._refuse_many(fetched)
-            window = self.of.window
-            inside = np.asarray(fetched.any(axis=0))
-            if (inside & ~window.inside).any():
-                window = reader.fetch(self.of.bins, inside, self.of.series)
-            rows = window.tables(fetched, self.of.series, weighted=self.of.weighted)
-        raise DataError(
-            f"{self.of.stream.path}: where the transition lies did not settle. Fit a part of the data "
-            "in memory."
-        )
-
     def expected_window(self, coming: int) -> Mask:
         """The intervals that will be fetched in the end, most likely, told from some rows, (bins,).
 
@@ -75,16 +55,41 @@ class Question:
         """
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
-        expected = _with_neighbours(self.bounds() < best + 2.0 * FAR).any(axis=0)
+        likely = _with_neighbours(self.bounds() < best + 2.0 * FAR)
+        expected = np.asarray((likely | self.each_by_itself()).any(axis=0))
         groups = self._oblique()
         share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
         return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))
 
-    def _refuse_many(self, fetched: NDArray[np.bool_]) -> None:
-        n = sum(
-            float(self.of.sums[group, fetched[self.of.series_of(group)], N].sum())
-            for group in self._oblique()
-        )
+    def each_by_itself(self) -> Mask:
+        """Where the transition of a series may lie that shares no constant, (series, bins): `pooling` asks.
+
+        None where that would be too many impacts: they are not needed for the fit.
+        """
+        if len(self.of.series) < 2 or not self._share_constants():
+            return np.zeros((len(self.of.series), self.of.bins), dtype=bool)
+        alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
+        best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
+        found = _with_neighbours(alone.bounds() < best + FAR)
+        return found & (self._rows_in(found) <= _MOST_ROWS / 2)
+
+    def _share_constants(self) -> bool:
+        return any(p.fixed is None and not p.separate for p in self.parameters)
+
+    def _rows_in(self, intervals: Mask) -> float:
+        """Values of some intervals of each series, (series, bins), that know the transition."""
+        of = self.of
+        return sum(float(of.sums[g, intervals[of.series_of(g)], N].sum()) for g in self._oblique())
+
+    def refuse_many(self, fetched: Mask) -> None:
+        """Refuse to hold very many impacts.
+
+        Raises
+        ------
+        DataError
+            With their number.
+        """
+        n = self._rows_in(fetched)
         if n > _MOST_ROWS:
             raise DataError(
                 f"{self.of.stream.path}: the data leave open where sliding ends, so that {n:,.0f} values "
@@ -103,7 +108,7 @@ class Question:
         """The condensed rows of all other intervals, and the impacts of these."""
         of, stream = self.of, self.of.stream
         tables, counts = list(rows), [np.ones(len(t)) for t in rows]
-        scale = [self._scale_of(table) for table in rows]
+        scale = [self.scale_of(table) for table in rows]
         for group, known in enumerate(of.groups):
             name, series = of.observable_of(group), of.series_of(group)
             sums = of.sums[group].copy()
@@ -122,9 +127,20 @@ class Question:
                 "impact_id": np.where(made.is_scatter, SCATTER, MEAN).astype(object),
             }
             tables.append(make_table(columns))
-            scale.append(made.sigma / self._typical(group))
+            scale.append(made.sigma / self.typical(group))
             counts.append(made.count)
+        return self.problem_of(tables, scale, counts)
+
+    def problem_of(
+        self, tables: Sequence[pd.DataFrame], scale: Sequence[Array], counts: Sequence[Array]
+    ) -> Problem:
+        """The problem of some rows, with their sigma over the typical one and what they stand for."""
+        of, stream = self.of, self.of.stream
         table = pd.concat(tables, ignore_index=True)
+        # series stand in the order of the rows, as in memory
+        number = table["series"].map({name: place for place, name in enumerate(of.series)})
+        order = np.argsort(number.to_numpy(dtype=np.intp), kind="stable")
+        table = table.take(order).reset_index(drop=True)
         table["source"] = stream.path.name
         table["provenance"] = next(iter(of.tally.provenances), "")
         arrays, names = Rows.of(table.assign(impact_id=""))
@@ -132,8 +148,8 @@ class Question:
             self.noise,
             table["sigma"].to_numpy(dtype=float),
             separate=self.separate_noise,
-            scale=np.concatenate(scale),
-            counts=np.concatenate(counts),
+            scale=np.concatenate(scale)[order],
+            counts=np.concatenate(counts)[order],
         )
         inertia = stream.inertia_factor
         parameters = ParameterSet(self.parameters, names)
@@ -142,13 +158,13 @@ class Question:
         )
         return made_of.with_noise(noise.with_bounds(self._noise_bounds(made_of)))
 
-    def _typical(self, group: int) -> float:
+    def typical(self, group: int) -> float:
         """Root mean square of the sigma of a group; 1 where it is unknown."""
         of = self.of
         count = of.count_of(group)
         return math.sqrt(of.groups[group].square_sigma.high / count) if of.weighted and count else 1.0
 
-    def _scale_of(self, table: pd.DataFrame) -> Array:
+    def scale_of(self, table: pd.DataFrame) -> Array:
         """Sigma of fetched rows over the typical one of their groups."""
         of, names = self.of, self.of.stream.observables
         if not of.weighted:
@@ -157,7 +173,7 @@ class Question:
             table[column].map({name: place for place, name in enumerate(of_all)}).to_numpy(dtype=np.intp)
             for column, of_all in (("series", of.series), ("observable", names))
         )
-        typical = np.array([self._typical(group) for group in range(len(of.groups))])
+        typical = np.array([self.typical(group) for group in range(len(of.groups))])
         sigma = table["sigma"].to_numpy(dtype=float)
         return np.asarray(sigma / typical[series * len(names) + number])
 
@@ -176,11 +192,8 @@ class Question:
             found[name] = (low, max(1.0, *(known.largest_value for known in groups)))
         return found
 
-    def bounds(self, spread: float = 1.0) -> Array:
-        """Least value with the transition of a series in each interval, (series, bins), see `value`.
-
-        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
-        """
+    def _least(self, spread: float) -> Array:
+        """Least misfit of each group with the transition in each interval, (series, observables, bins)."""
         of = self.of
         series, observables = len(of.series), of.stream.observables
         constants = ParameterSet(self.parameters, tuple(of.series))
@@ -199,8 +212,17 @@ class Question:
                     domain,
                     spread,
                 )
+        return least
+
+    def bounds(self, spread: float = 1.0) -> Array:
+        """Least value with the transition of a series in each interval, (series, bins), see `value`.
+
+        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
+        """
+        least = self._least(spread)
+        series = len(least)
         together = not any(p.separate for p in self.parameters)
-        found = np.empty((series, of.bins))
+        found = np.empty((series, self.of.bins))
         for number in range(series):
             # a series whose constants are its own has its transition where it likes
             others = (
@@ -214,6 +236,11 @@ class Question:
         """The misfit of all groups, (bins,), from that of each, (series, observables, bins)."""
         if self.noise == "known":
             return np.asarray(least.sum(axis=(0, 1)))
+        parts = self._by_noise(least)
+        return np.asarray(sum(n * np.log(np.maximum(q, _LEAST) / n) for q, n in parts))
+
+    def _by_noise(self, least: Array) -> list[tuple[Array, float]]:
+        """Least sum of squares, (bins,), and number of values of each unknown noise."""
         counts = self.of.sums[:, :, N].sum(axis=1).reshape(least.shape[:2])
         if self.separate_noise:
             parts = [
@@ -221,12 +248,12 @@ class Question:
             ]
         else:
             parts = list(zip(least.sum(axis=0), counts.sum(axis=0), strict=True))
-        return np.asarray(sum(n * np.log(np.maximum(q, 1e-300) / n) for q, n in parts if n > 0.0))
+        return [(squares, float(n)) for squares, n in parts if n > 0.0]
 
-    def value(self, problem: Problem, optimum: LeastSquaresFit) -> float:
-        """chi2 of the optimum; under unknown noises the sum of n log(S/n)."""
-        residual = problem.residual(optimum.optimum.theta) / problem.noise.base
-        prior = problem.parameters.prior_residuals(optimum.optimum.theta)
+    def value(self, problem: Problem, theta: Array) -> float:
+        """chi2 at some constants; under unknown noises the sum of n log(S/n)."""
+        residual = problem.residual(theta) / problem.noise.base
+        prior = problem.parameters.prior_residuals(theta)
         total = float(prior @ prior)
         if self.noise == "known":
             return total + float(residual @ residual)
@@ -238,9 +265,72 @@ class Question:
     def gap(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float | None:
         """The gap of the optimum, once no transition elsewhere can do better."""
         beyond = self.bounds()[~fetched]
-        if beyond.size and float(beyond.min()) < self.value(problem, optimum):
+        if beyond.size and float(beyond.min()) < self.value(problem, optimum.optimum.theta):
             return None
         return optimum.optimum.gap
+
+    def least_rise(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float:
+        """How high a profile lies at least where a transition lies in an interval that was not fetched.
+
+        The rise is that of `ifrfit.inference.profile.objective.Misfit`, in which a noise has n less its
+        leverage degrees of freedom: docs/theory/sufficient-statistics.md, eq. (4).
+        """
+        beyond = self.bounds()[~fetched]
+        if not beyond.size:
+            return math.inf
+        least = float(beyond.min())
+        misfit = Misfit.of(problem, optimum)
+        found = []
+        for mode in misfit.modes:
+            prior = problem.parameters.prior_residuals(mode.theta)
+            pull = float(prior @ prior)
+            value = self.value(problem, mode.theta) - pull
+            if self.noise == "known":
+                found.append(mode.rise + least - value - pull)
+                continue
+            parts = self._by_noise(self._least(1.0))
+            counts = np.array([problem.noise.count(rows) for rows in problem.noise_groups().values()])
+            share = float(np.max(1.0 - mode.dof / counts))
+            better = value - sum(n * math.log(max(float(q.min()), _LEAST) / n) for q, n in parts)
+            found.append(mode.rise + (1.0 - share) * (least - value) - share * better - pull)
+        return min(found)
+
+
+def solve_together(
+    questions: Sequence[Question], reader: Reader
+) -> tuple[list[tuple[Problem, LeastSquaresFit]], Mask]:
+    """Problems of the same rows, each with its optimum, and the intervals whose impacts stand for themselves.
+
+    Parameters
+    ----------
+    questions : sequence of Question
+        Put to the same sums.
+    reader : Reader
+        Of the stream, for impacts that were not kept.
+    """
+    of = questions[0].of
+    fetched = np.zeros((len(of.series), of.bins), dtype=bool)
+    rows: list[pd.DataFrame] = []
+    for _ in range(_PASSES):
+        found, needed, more = [], np.zeros_like(fetched), np.zeros_like(fetched)
+        for question in questions:
+            problem = question.problem(rows, fetched)
+            optimum = least_squares(problem)
+            found.append((problem, optimum))
+            needed |= question.bounds() < question.value(problem, optimum.optimum.theta) + FAR
+            more |= question.each_by_itself()
+        if not (needed & ~fetched).any():
+            return found, fetched
+        fetched |= _with_neighbours(needed) | more
+        questions[0].refuse_many(fetched)
+        window = of.window
+        inside = np.asarray(fetched.any(axis=0))
+        if (inside & ~window.inside).any():
+            window = reader.fetch(of.bins, inside, of.series)
+        rows = window.tables(fetched, of.series, weighted=of.weighted)
+    raise DataError(
+        f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
+    )
 
 
 def _with_neighbours(intervals: Mask) -> Mask:

@@ -33,10 +33,12 @@ class WindowRows:
     inside: Mask
     parts: dict[str, list[Array]] = field(default_factory=dict)
 
-    def add(self, name: str, batch: Batch, values: Values, place: Index) -> None:
-        """Keep those values of an observable that lie inside."""
+    def add(self, name: str, batch: Batch, values: Values, place: NDArray[np.int32]) -> None:
+        """Keep those values of an observable that lie inside; `place` is of all impacts of the batch."""
         if not self.inside.any():
             return
+        if values.at.size < place.size:
+            place = place[values.at]
         here = np.flatnonzero(self.inside[place])
         if not here.size:
             return

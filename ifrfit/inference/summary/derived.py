@@ -164,9 +164,14 @@ def _reason_of(name: str, estimate: Estimate) -> str:
 
 def median_spin(problem: Problem, series: int) -> tuple[float, float]:
     """R omega/u before impact, of the median row of a series, along and across the slip."""
+    if problem.quoted_spins is not None:
+        return problem.quoted_spins[series]
     rows = problem.rows.series == series
     incidence = problem.rows.incidence
-    return float(np.median(incidence.spin_x[rows])), float(np.median(incidence.spin_y[rows]))
+    x, y = (
+        float(np.median(spin[rows])) if spin.any() else 0.0 for spin in (incidence.spin_x, incidence.spin_y)
+    )
+    return x, y
 
 
 def angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:

@@ -19,7 +19,7 @@ from ifrfit.report import panels, style
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.figures import MOST_COLUMNS, series_label
 from ifrfit.report.panels import Pen, draw_curve, handle
-from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.provenance import amount_words, is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY, save_svg_and_png
 from ifrfit.text import power_of_ten
@@ -226,6 +226,8 @@ def _legend(
     shown = points["series"][points["observable"].isin(observables)].unique()
     for name in map(str, shown):
         entries.append((handle(markers[name].marker, 4.2, "white", "black"), series_label(points, name, 40)))
+    if comparison.best.is_sampled:
+        entries.append((handle("", 0.0, "none"), f"points: {amount_words(comparison.best)}"))
     return entries
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import (
     SUMS,
+    ExactSum,
     Moments,
-    bin_of,
     edges,
     middles,
 )
@@ -21,6 +21,11 @@ from ifrfit.physics.angles import Incidence
 
 pytest.importorskip("numba")
 BINS = 16
+
+
+def bin_of(slip, cosine, bins):
+    """Equal steps of tau/(1 + tau)."""
+    return np.minimum((slip / (slip + cosine) * bins).astype(np.int32), np.int32(bins - 1))
 
 
 def rows_of(seed, n):
@@ -33,8 +38,10 @@ def rows_of(seed, n):
 
 def sums_of(rows, at=slice(None)):
     made = Moments.nothing(2, BINS)
-    made.add(*(part[at] for part in rows))
-    return made
+    group, *terms = (part[at] for part in rows)
+    for own in (0, 1):
+        made.add(own, *(part[group == own] for part in terms))
+    return made.merge(Moments.nothing(2, BINS))
 
 
 @settings(max_examples=30, deadline=None)
@@ -59,6 +66,15 @@ def test_the_sums_are_those_of_exact_arithmetic():
 
     rows = rows_of(3, 500)
     whole = sums_of(rows)
+    total = ExactSum().add(rows[4])
+    assert total.high == float(sum(map(Fraction, rows[4].tolist()), Fraction(0)))
+    assert ExactSum.of_equal(0.1, 12_345).high == float(Fraction(0.1) * 12_345)
+    assert ExactSum.of_equal(0.1, 12_345) == ExactSum().add(np.full(12_345, 0.1))
+    direct = Moments.nothing(1, BINS)
+    direct.add_direct(0, *rows[2:5])
+    one = Moments.nothing(1, BINS)
+    one.add(0, np.zeros(500, dtype=np.int32), *rows[2:5], np.zeros(500))
+    np.testing.assert_array_equal(direct.merge(direct).high, one.merge(one).high)
     group, place, w, s, r, _ = rows
     for g, b in ((0, 3), (1, 5), (0, 9)):
         here = np.flatnonzero((group == g) & (place == b))
@@ -84,7 +100,7 @@ def test_condensed_rows_have_the_quadratics_of_all(seed, n, name):
     x = incidence.cosine / slip
     made = Moments.nothing(1, BINS)
     place = bin_of(slip, incidence.cosine, BINS)
-    made.add(np.zeros(n, dtype=np.intp), place, w, slope, value - offset, x - middles(BINS)[place])
+    made.add(0, place, w, slope, value - offset, x - middles(BINS)[place])
     few = condensed_rows(made.high[0], name, 0.4)
     assert few.count.sum() == pytest.approx(n)
     assert (np.diff(edges(BINS)) > 0.0).all()
@@ -117,9 +133,7 @@ def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed):
     slip = np.abs(incidence.slip_x)
     place = bin_of(slip, incidence.cosine, bins)
     x = incidence.cosine / slip
-    made.add(
-        np.zeros(n, dtype=np.intp), place, np.full(n, 400.0), slope, value - offset, x - middles(bins)[place]
-    )
+    made.add(0, place, np.full(n, 400.0), slope, value - offset, x - middles(bins)[place])
     bound = least_misfit(made.high[0], law, domain)
     tau = edges(bins)
     for _ in range(400):

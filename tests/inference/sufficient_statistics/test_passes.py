@@ -207,6 +207,8 @@ def test_what_is_asked_of_data_in_memory(tmp_path):
     ):
         with refused(UsageError, match=f"{option}: these data are held in memory"):
             ifrfit.fit(tmp_path / "few.csv", method=Exact(**given))
+        with refused(UsageError, match="where --method profile is one short computation"):
+            ifrfit.fit(tmp_path / "few.csv", method=ifrfit.Profile(**given))
     with refused(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
         pass
 

@@ -13,6 +13,7 @@ import ifrfit
 from ifrfit.data.stream import files as stream_files_module
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.result.restore import question
+from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
 from ifrfit.inference.sufficient_statistics import transition_window
 from ifrfit.inference.sufficient_statistics.shown_points import MOST_SHOWN
@@ -41,6 +42,9 @@ def assert_same(streamed, held, rtol=1e-9):
         if estimate.stderr:
             assert own.stderr == pytest.approx(estimate.stderr, rel=rtol), name
         np.testing.assert_allclose(own.interval95, estimate.interval95, rtol=1e-10)
+    ours, theirs = (found.derived["transition_angle_deg"] for found in (streamed, held))
+    for name in theirs:  # at the median spin of each series
+        assert_same_angle(ours[name], theirs[name], rtol)
     for name in ("n", "n_sliding", "n_sticking", "dof", "rank"):
         assert getattr(streamed.fit, name) == getattr(held.fit, name), name
     for name in ("chi2", "p_value", "log_likelihood", "aic", "bic", "log_evidence"):
@@ -49,6 +53,14 @@ def assert_same(streamed, held, rtol=1e-9):
             assert getattr(streamed.fit, name) == pytest.approx(theirs, rel=1e-9), name
     assert streamed.facts["global_optimum"].ok == held.facts["global_optimum"].ok
     assert dict(streamed.noise.sigma) == pytest.approx(dict(held.noise.sigma), rel=1e-9)
+
+
+def assert_same_angle(ours, theirs, rtol):
+    """Both of one branch, or none of any."""
+    assert type(ours) is type(theirs)
+    if isinstance(theirs, Estimate):
+        assert ours.value == pytest.approx(theirs.value, rel=rtol)
+        np.testing.assert_allclose(ours.interval95, theirs.interval95, rtol=rtol)
 
 
 @pytest.mark.parametrize("noise", ["known", "unknown"])
@@ -204,7 +216,7 @@ def test_figure_and_report_of_a_sample_say_so(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"method": "mcmc"}, "exact or lsq"),
+        ({"method": "mcmc"}, "exact, lsq or profile"),
         ({"noise": "scaled"}, "known or unknown"),
         ({"noise": ifrfit.Noise("known", tails="student-t")}, "in memory"),
         ({"exclude": ("7",)}, "in memory"),

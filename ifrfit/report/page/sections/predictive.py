@@ -32,8 +32,8 @@ def build(given: ReportInput) -> Sequence[Block]:
     fact = given.result.facts.get("predictive")
     if fact is None or not any(f"p_{name}" in fact.figures for name in CHECKS):
         says = "This method has no posterior to predict with. ifrfit fit --method exact makes these checks."
-        if given.result.is_sampled:
-            says = "These checks look at the rows one by one, which were not held in memory."
+        if given.result.is_sampled and given.result.is_posterior:
+            says = "These checks look at the rows one by one, and no sample has rows of all series."
         return (Paragraph(says, "note"),)
     p = {name: fact.figures.get(f"p_{name}") for name in CHECKS}
     known = {CHECKS[name]: float(value) for name, value in p.items() if value is not None}

@@ -1,0 +1,142 @@
+"""Batches in which every row is good, as nearly all are: one loop a column sees it.
+
+Whatever is odd in a batch (an impossible value, a code for "not measured", an angle at which an observable
+has no value) leaves the whole of it to `ImpactStream.impacts_of`, which knows what is wrong and where. Both
+give the same bits, because a batch may hold an odd row or not according to how the rows were parted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.column_layout import Column, Layout
+from ifrfit.data.column_names import UNITS
+from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.compiled_incidence import read_only
+from ifrfit.physics.compiling import compiled
+from ifrfit.physics.observables import FREE, OBSERVABLES
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+_MOST = 98.0  # the codes for "not measured" that are no short ones begin above
+_SHORT = (9.0, 10.0)  # between these lie the short ones
+_NEAR = 1e-9  # degrees from 0 and 90: nearer an observable may have no value
+_MOVES = 4e-12  # of the contact point, over 1 + |spin|: twice that and more of what counts as no motion
+
+
+@dataclass(frozen=True)
+class PlainRows:
+    """Which columns of a file are read as they stand, and between what their values lie.
+
+    Attributes
+    ----------
+    columns : mapping of str to (int, float, float)
+        Place, least and largest value, by key.
+    observables : tuple of (str, str or None)
+        Keys of value and sigma.
+    may_rest : bool
+        Whether an observable has no value where the contact point rests.
+    """
+
+    columns: Mapping[str, tuple[int, float, float]]
+    observables: tuple[tuple[str, str | None], ...]
+    may_rest: bool
+
+    @classmethod
+    def of(
+        cls, layout: Layout, observables: tuple[str, ...], has_sigma: bool, ranges: Mapping[str, Any]
+    ) -> PlainRows | None:
+        """What is to be seen of each batch of a file; None if its columns need more than to be read."""
+        if layout.has("tan_gamma") or layout.angle_from != "from-normal":
+            return None
+        kinds = {kind for name in observables for kind in OBSERVABLES[name].undefined}
+        near, grazing = _NEAR if kinds & {"contact", "normal"} else 0.0, "grazing" in kinds
+        wanted: dict[str, Range] = {"gamma": (near, 90.0 - _NEAR if grazing else 90.0)}
+        wanted |= {name: (-FREE, FREE) for name in ("spin_x", "spin_y") if layout.has(name)}
+        if layout.has("speed"):
+            wanted["speed"] = SPEED_RANGE
+        pairs: list[tuple[str, str | None]] = []
+        for name in observables:
+            sigma = next((key for key in (f"sigma:{name}", "sigma") if layout.has(key)), None)
+            pairs.append((name, sigma))
+            wanted[name] = (OBSERVABLES[name].low, OBSERVABLES[name].high)
+            if sigma is not None:
+                wanted[sigma] = SIGMA_RANGE if has_sigma else (-_MOST, _MOST)
+        found = {}
+        for key, (low, high) in wanted.items():
+            if not layout.has(key) or not _stands_as_it_is(layout.columns[key]):
+                return None
+            least, most = ranges.get(key, (None, None))
+            low, high = max(low, -_MOST), min(high, 90.0 if key == "gamma" else _MOST)
+            found[key] = (
+                layout.columns[key].index,
+                low if least is None else max(low, least),
+                high if most is None else min(high, most),
+            )
+        if set(ranges) - set(found):
+            return None
+        return cls(found, tuple(pairs), "contact" in kinds)
+
+    def read(self, batch: pa.RecordBatch) -> dict[str, Array] | None:
+        """The columns by key, if every row is good; a value may be missing, as nan."""
+        import pyarrow as pa
+
+        found = {}
+        for key, (index, low, high) in self.columns.items():
+            column = batch.column(index)
+            if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+                return None
+            values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+            odd, missing, nines, tens = compiled(_count)(read_only(values), low, high)
+            # larger values than short codes beside these show that they are values, too
+            if odd or (nines and not tens) or (missing and key not in OBSERVABLES):
+                return None
+            found[key] = values
+        return found
+
+    def moves(self, incidence: Incidence) -> bool:
+        """Whether every contact point moves, where that matters."""
+        if not self.may_rest or not (incidence.spin_x.any() or incidence.spin_y.any()):
+            return True
+        slip = np.abs(incidence.slip_x) + np.abs(incidence.slip_y)
+        return bool((slip > _MOVES * (1.0 + np.abs(incidence.spin_x) + np.abs(incidence.spin_y))).all())
+
+
+@lru_cache(maxsize=4)
+def all_rows(n: int) -> NDArray[np.intp]:
+    """0, 1 ... n - 1."""
+    found = np.arange(n)
+    found.flags.writeable = False
+    return found
+
+
+def _stands_as_it_is(column: Column) -> bool:
+    """Whether a column is in the unit and sign of the schema."""
+    if column.unit is None:
+        return column.sign == 1.0 and column.dimension == "number"
+    return column.sign == 1.0 and UNITS[column.unit][1] == 1.0
+
+
+def _count(values: Array, low: float, high: float) -> tuple[int, int, int, int]:
+    """How many values are odd, how many missing, how many as large as short codes, and how many larger."""
+    odd, missing, nines, tens = 0, 0, 0, 0
+    for i in range(values.size):
+        size = abs(values[i])
+        is_missing = values[i] != values[i]
+        good = values[i] >= low and values[i] <= high and (size >= TINY or size == 0.0)
+        missing += is_missing
+        odd += not (good or is_missing)
+        nines += size >= _SHORT[0]
+        tens += size > _SHORT[1]
+    return odd, missing, nines, tens

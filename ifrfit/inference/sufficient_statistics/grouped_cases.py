@@ -1,0 +1,327 @@
+"""A bootstrap of cases from sums: random groups of impacts are drawn in the place of impacts.
+
+Each impact belongs to one of `GROUPS` groups by a number that its place in the files alone decides. Sums of a
+group on either side of the transition, and its impacts about it one by one, say what a replicate needs. The
+theory is in docs/theory/sufficient-statistics.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ifrfit.data.observations import make_table
+from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
+from ifrfit.data.stream.portions import Portion
+from ifrfit.data.stream.sample import lots_of_rows
+from ifrfit.data.stream.tally import Tally
+from ifrfit.errors import DataError
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
+from ifrfit.inference.bootstrap.estimator import BootstrapDraws, bootstrap
+from ifrfit.inference.bootstrap.schemes import FEWEST, Cases, prior_means
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_groups
+from ifrfit.inference.sufficient_statistics.moments import Moments, Place, edges, middles
+from ifrfit.inference.sufficient_statistics.passes import Progress, Reader, Tell
+from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
+from ifrfit.physics.compiled_incidence import intervals_of
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+GROUPS = 1024  # of impacts: an sd from them is known to 1/sqrt(2 GROUPS), as from as many impacts
+_MOST_SUMS = 200_000  # groups times series and observables
+_MOST_ROWS = 200_000  # of all groups and of the impacts about the transition together
+_BELOW, _ABOVE = 0, 1
+_SERIES, _GAMMA, _SPIN_X, _SPIN_Y, _VALUE, _SIGMA, _GROUP = range(7)
+
+
+@dataclass
+class GroupedSums:
+    """Sums of random groups of impacts.
+
+    Attributes
+    ----------
+    low, high : ndarray of int, (series,)
+        First and last interval of those in which impacts stand for themselves.
+    weighted : bool
+    bins : int
+    moments : Moments
+        Of each group of each series and observable, below and above these intervals; x is 1/tau itself.
+    parts : dict of str to list of ndarray, (7, k)
+        Impacts within, by observable: series, angle in degrees, spins, value, sigma, group.
+    """
+
+    low: Index
+    high: Index
+    weighted: bool
+    bins: int
+    moments: Moments
+    parts: dict[str, list[Array]] = field(default_factory=dict)
+
+    @classmethod
+    def nothing(cls, low: Index, high: Index, weighted: bool, bins: int, observables: int) -> GroupedSums:
+        """Of no impacts."""
+        return cls(low, high, weighted, bins, Moments.nothing(1, 2 * low.size * observables * GROUPS))
+
+    def anew(self) -> GroupedSums:
+        """Of no impacts, with the same intervals."""
+        nothing = Moments.nothing(*self.moments.high.shape[:2])
+        return GroupedSums(self.low, self.high, self.weighted, self.bins, nothing)
+
+    def add(self, batch: Batch, stream: ImpactStream) -> None:
+        """Add the impacts of a batch."""
+        lots = lots_of_rows(batch.number, batch.first, batch.gamma_deg.size)
+        groups = (lots % np.uint64(GROUPS)).astype(np.intp)
+        place, _ = intervals_of(batch.incidence, middles(self.bins))
+        for number, name in enumerate(stream.observables):
+            self._add(batch, stream, groups, place, number, name, batch.values[name])
+
+    def _add(
+        self,
+        batch: Batch,
+        stream: ImpactStream,
+        groups: Index,
+        place_of: Place,
+        number: int,
+        name: str,
+        values: Values,
+    ) -> None:
+        at, value, sigma = values
+        if not at.size:
+            return
+        incidence, series, group = batch.incidence.take(at), batch.series[at], groups[at]
+        w = sigma**-2.0 if self.weighted else np.ones(at.size)
+        of = OBSERVABLES[name]
+        if of.linear is None:
+            slope = np.ones(at.size) if of.by_e_n is None else np.asarray(of.by_e_n(incidence))
+            r, x = value, np.zeros(at.size)
+            side = np.full(at.size, _BELOW)
+        else:
+            offset, slope = of.linear(incidence, stream.inertia_factor)
+            slides = incidence.slip > 0.0
+            x = np.divide(incidence.cosine, incidence.slip, out=np.zeros(at.size), where=slides)
+            r, slope = value - offset, np.where(slides, slope, 0.0)
+            place = place_of[at]
+            side = np.where(place > self.high[series], _ABOVE, _BELOW)
+            inside = (place >= self.low[series]) & (place <= self.high[series])
+            own = at[inside]
+            columns = (series[inside], batch.gamma_deg[own], incidence.spin_x[inside])
+            more = (incidence.spin_y[inside], value[inside], sigma[inside], group[inside])
+            self.parts.setdefault(name, []).append(np.stack([*columns, *more]).astype(float))
+            kept = np.flatnonzero(~inside)
+            side, w, slope, r, x = side[kept], w[kept], slope[kept], r[kept], x[kept]
+            series, group = series[kept], group[kept]
+        row = (series * len(stream.observables) + number) * GROUPS + group
+        self.moments.add(0, (2 * row + side).astype(np.int32), w, slope, r, x)
+
+    def merge(self, following: GroupedSums) -> None:
+        """Add what was found of later portions."""
+        self.moments = self.moments.merge(following.moments)
+        for name, parts in following.parts.items():
+            self.parts.setdefault(name, []).extend(parts)
+
+
+def bootstrap_of_groups(
+    question: Question,
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    reader: Reader,
+    replicates: int,
+    seed: int,
+    progress: Progress | None = None,
+) -> tuple[BootstrapDraws, LeastSquaresFit]:
+    """Draw groups of impacts with replacement within each series, and fit each replicate.
+
+    Parameters
+    ----------
+    question : Question
+    problem, optimum : Problem, LeastSquaresFit
+        Of all impacts.
+    reader : Reader
+        Of the stream, which is read once more.
+    replicates, seed, progress
+        As `ifrfit.inference.bootstrap.bootstrap`.
+
+    Returns
+    -------
+    draws : BootstrapDraws
+    optimum : LeastSquaresFit
+        Of the rows that were drawn from: that of all impacts, to rounding.
+
+    Raises
+    ------
+    DataError
+        For too many series or impacts about the transition, constants that some series share and others not,
+        and replicates whose transition lies where impacts do not stand for themselves.
+    """
+    of, path = question.of, question.of.stream.path
+    observables = of.stream.observables
+    if len(of.series) * len(observables) * GROUPS > _MOST_SUMS:
+        raise DataError(f"{path}: --method bootstrap of so many series takes them one by one: --series NAME.")
+    low, high = _hull(question, problem, optimum)
+    sums = _read(reader, GroupedSums.nothing(low, high, of.weighted, of.bins, len(observables)), of.series)
+    drawn, scheme = _problem(question, sums)
+    solved = least_squares(drawn)
+    if BatchedSolver.of(drawn, solved) is None:
+        raise DataError(
+            f"{path}: --method bootstrap fits replicates of sums together, which constants that some series "
+            "share and others not do not allow. Take --method exact, or a part of the data in one file."
+        )
+    found = bootstrap(drawn, solved, scheme=scheme, replicates=replicates, seed=seed, progress=progress)
+    _refuse_beyond(question, found, solved, low, high)
+    return found, solved
+
+
+def _hull(question: Question, problem: Problem, optimum: LeastSquaresFit) -> tuple[Index, Index]:
+    """First and last interval of each series in which the transition of a replicate may lie, (series,) each.
+
+    Replicates scatter as the values do, whatever sigma says: what is far is so over the reduced chi2.
+    """
+    of = question.of
+    n = problem.noise.count(np.arange(len(problem.rows)))
+    value = question.value(problem, optimum.optimum.theta)
+    wider = max(1.0, value / n) if question.noise == "known" else 1.0
+    near = question.bounds() < value + FAR * wider
+    # none where no value knows a transition
+    low = np.where(near.any(axis=1), near.argmax(axis=1), 0)
+    high = np.where(near.any(axis=1), of.bins - 1 - near[:, ::-1].argmax(axis=1), of.bins - 1)
+    return np.maximum(low - 1, 0), np.minimum(high + 1, of.bins - 1)
+
+
+def _read(reader: Reader, nothing: GroupedSums, series: Sequence[str]) -> GroupedSums:
+    work = partial(_sums, replace(reader.stream, portions=()), nothing, tuple(series))
+    for part in reader.parts(work):
+        nothing.merge(part)
+    return nothing
+
+
+def _sums(
+    stream: ImpactStream,
+    nothing: GroupedSums,
+    series: tuple[str, ...],
+    tell: Tell | None,
+    portions: Sequence[Portion],
+) -> list[GroupedSums]:
+    """The sums of each portion."""
+    found = []
+    for portion in portions:
+        tally, sums = Tally(series=list(series)), nothing.anew()
+        for batch in stream.batches(portion, tally):
+            sums.add(batch, stream)
+            if tell is not None:
+                tell(tally.rows)
+        found.append(sums)
+    return found
+
+
+def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
+    """Rows that stand for the groups, impacts about the transition, and what of them is drawn together."""
+    of, stream = question.of, question.of.stream
+    tables: list[pd.DataFrame] = []
+    scale: list[Array] = []
+    counts: list[Array] = []
+    tau = edges(sums.bins)
+    by_group = sums.moments.high.reshape(len(of.groups), GROUPS, 2, -1)
+    with np.errstate(divide="ignore"):
+        of_tau = 1.0 / tau
+    for number, known in enumerate(of.groups):
+        name, series = of.observable_of(number), of.series_of(number)
+        span = (known.least_gamma, known.largest_gamma)
+        # all that knows no transition stands at 1/tau = 0
+        least = float(of_tau[sums.low[series]]) if OBSERVABLES[name].linear is not None else 0.0
+        ends = (least, np.inf), (0.0, float(of_tau[sums.high[series] + 1]))
+        for side in (_BELOW, _ABOVE):
+            made, group = condensed_groups(
+                by_group[number, :, side], name, stream.inertia_factor, ends[side], span
+            )
+            if not made.value.size:
+                continue
+            columns = {
+                "series": np.full(group.size, of.series[series], dtype=object),
+                "observable": np.full(group.size, name, dtype=object),
+                "gamma_deg": made.gamma_deg,
+                "value": made.value,
+                "sigma": made.sigma if of.weighted else np.full(group.size, np.nan),
+                "impact_id": group.astype(str).astype(object),
+            }
+            tables.append(make_table(columns))
+            scale.append(made.sigma / question.typical(number))
+            counts.append(made.count)
+    for name, parts in sorted(sums.parts.items()):
+        rows = np.concatenate(parts, axis=1)
+        if not rows.shape[1]:
+            continue
+        columns = {
+            "series": np.array(of.series, dtype=object)[rows[_SERIES].astype(np.intp)],
+            "observable": np.full(rows.shape[1], name, dtype=object),
+            "gamma_deg": rows[_GAMMA],
+            "spin_x": rows[_SPIN_X],
+            "spin_y": rows[_SPIN_Y],
+            "value": rows[_VALUE],
+            "sigma": rows[_SIGMA] if of.weighted else np.full(rows.shape[1], np.nan),
+            "impact_id": rows[_GROUP].astype(np.intp).astype(str).astype(object),
+        }
+        table = make_table(columns)
+        tables.append(table)
+        scale.append(question.scale_of(table))
+        counts.append(np.ones(len(table)))
+    n = sum(map(len, tables))
+    if n > _MOST_ROWS:
+        raise DataError(
+            f"{stream.path}: the data leave open where sliding ends: {n:,} rows would have to be "
+            f"drawn from at once ({_MOST_ROWS:,} at most). Take --method exact, or say more by --fix, "
+            "--prior or --bounds."
+        )
+    problem = question.problem_of(tables, scale, counts)
+    return problem, _cases(problem, str(stream.path))
+
+
+def _cases(problem: Problem, path: str) -> Cases:
+    """Groups within each series."""
+    group = problem.observations.table["impact_id"].to_numpy(dtype=object).astype(np.intp)
+    numbers, impact = np.unique(problem.rows.series * GROUPS + group, return_inverse=True)
+    kinds = tuple(np.flatnonzero(numbers // GROUPS == series) for series in range(len(problem.series)))
+    for name, members in zip(problem.series, kinds, strict=True):
+        if members.size < FEWEST:
+            raise DataError(
+                f"{path}: {members.size} impacts in series {name} are too few to draw from. Use --method "
+                "exact."
+            )
+    return Cases(name="cases", impact=impact.reshape(-1), kinds=kinds, prior=prior_means(problem))
+
+
+def _refuse_beyond(
+    question: Question, found: BootstrapDraws, optimum: LeastSquaresFit, low: Index, high: Index
+) -> None:
+    """Refuse replicates whose transition lies where impacts do not stand for themselves."""
+    problem = found.problem
+    tau, law = edges(question.of.bins), problem.closure.law(problem.inertia_factor)
+    if not found.answered:
+        return
+    theta = np.tile(optimum.optimum.theta, (found.answered, 1))
+    for place, entry in enumerate(problem.parameters.names):
+        if entry in found.draws:
+            theta[:, place] = found.draws[entry]
+    places = problem.parameters.positions
+    for series, name in enumerate(problem.series):
+        own = question.of.series.index(name)
+        e_n, mu = (theta[:, places[constant][series]] for constant in ("e_n", "mu"))
+        c = theta[:, places[problem.closure.constant][series]] if problem.closure.constant else np.zeros(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = mu * (1.0 + e_n) / law.bound(c)
+        outside = int(np.count_nonzero((at < tau[low[own]]) | (at > tau[high[own] + 1])))
+        if problem.has_oblique and outside:
+            raise DataError(
+                f"{question.of.stream.path}: the transition of {outside} of {found.answered:,} "
+                "replicates lies where impacts were not kept one by one, because values scatter unlike "
+                "their sigma. Take --noise unknown, or a part of the data in one file."
+            )

@@ -1,0 +1,171 @@
+"""The search by intervals of tau finds, proves and counts what the general branch and bound does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from factories import problem_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulated import simulated
+
+import ifrfit
+from ifrfit.inference.optimize import transition_search
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.linear_families import kappa_form
+from ifrfit.inference.optimize.parameter_group import ParameterGroup
+from ifrfit.inference.optimize.solve import solve, whole_group
+from ifrfit.inference.optimize.transition_search import ImpulseRows, least_chi2, transition_optimum
+from ifrfit.physics.closures import get_closure
+
+J = 0.4
+
+
+def group_of(
+    seed: int,
+    n: int,
+    closure: str = "ifr",
+    observable: str = "beta",
+    angles: str = "free",
+    sigma: float = 0.05,
+    misfit: float = 1.0,
+    prior: tuple[str, ...] = (),
+) -> ParameterGroup:
+    """A group whose e_n is known, of random constants."""
+    rng = np.random.default_rng(seed)
+    low, high = sorted(rng.uniform(1.0, 89.0, 2))
+    gamma = rng.uniform(low, high + 0.5, n)
+    gamma = {"free": gamma, "rounded": np.ceil(gamma), "repeated": rng.choice(gamma, n)}[angles]
+    own = get_closure(closure)
+    e_n, mu, c = rng.uniform(0.3, 1.0), 10.0 ** rng.uniform(-2.0, 0.0), rng.uniform(*own.domain(J))
+    constants = {"e_n": e_n, "mu": mu, str(own.constant): c}
+    state = ifrfit.rebound(gamma, closure=closure, degrees=True, **constants)
+    noise = sigma * 10.0 ** rng.uniform(-0.5, 0.5, n)
+    value = getattr(state, observable) + misfit * noise * rng.standard_normal(n)
+    data = simulated(np.repeat(observable, n), gamma, value, noise)
+    names = {"own": str(own.constant), "mu": "mu"}
+    priors = {names[which]: (constants[names[which]], 0.05) for which in prior}
+    problem = problem_of(data, closure, fix={"e_n": e_n}, prior=priors)
+    return whole_group(problem, problem.noise.sigma)
+
+
+@st.composite
+def groups(draw: st.DrawFn) -> ParameterGroup:
+    return group_of(
+        draw(st.integers(0, 2**32 - 1)),
+        draw(st.integers(1, 150)),
+        draw(st.sampled_from(["ifr", "fr"])),
+        draw(st.sampled_from(["beta", "v_x", "mu_app"])),
+        draw(st.sampled_from(["free", "rounded", "repeated"])),
+        10.0 ** draw(st.floats(-2.0, 0.0)),
+        10.0 ** draw(st.floats(-1.0, 1.0)),
+        tuple(draw(st.sets(st.sampled_from(["own", "mu"])))),
+    )
+
+
+@settings(max_examples=120, deadline=None)
+@given(groups(), st.booleans())
+def test_the_same_optimum_gap_and_minima_as_branch_and_bound(group: ParameterGroup, by_bins: bool) -> None:
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transition_search, "_FEW", 20 if by_bins else 2000)
+        found = transition_optimum(rows)
+        least = least_chi2(group)
+    expected = minimise(kappa_form(group).problem)
+    tolerance = 1e-9 * max(1.0, expected.chi2)
+    if least is not None:
+        assert least == pytest.approx(expected.chi2, abs=tolerance)
+    if found is None:  # in doubt: left to branch and bound
+        return
+    assert found.chi2 == pytest.approx(expected.chi2, abs=tolerance)
+    assert found.gap == pytest.approx(expected.gap, abs=tolerance)
+    np.testing.assert_allclose(found.t, expected.t, rtol=1e-9, atol=1e-10)
+    assert len(found.optima) == len(expected.optima)
+    for (value, t), (other, at) in zip(found.optima, expected.optima, strict=True):
+        assert value == pytest.approx(other, abs=tolerance)
+        np.testing.assert_allclose(t, at, rtol=1e-6, atol=1e-7)
+    # several cells may share an end: which of them is named does not matter
+    for unknown in (0, 1):
+        for end in (unknown, 2 + unknown):
+            assert found.extremes[end, unknown] == pytest.approx(expected.extremes[end, unknown], abs=1e-7)
+    assert (found.all_slide, found.all_stick) == (expected.all_slide, expected.all_stick)
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr"])
+def test_many_rows_are_searched_by_intervals_without_a_doubt(closure: str) -> None:
+    # FR: the transition lies on a line in (c, kappa), not at one kappa
+    group = group_of(5, 6000, closure, sigma=0.3)
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    found, expected = transition_optimum(rows), minimise(kappa_form(group).problem)
+    assert found is not None
+    assert found.chi2 == pytest.approx(expected.chi2, rel=1e-12)
+    assert found.gap == expected.gap == 0.0
+    np.testing.assert_allclose(found.t, expected.t, rtol=1e-9)
+
+
+def test_two_optima_far_apart_are_runs_of_intervals_of_their_own() -> None:
+    # half of the rows slide at one mu, half at another, at angles that do not overlap
+    rng = np.random.default_rng(4)
+    gamma = np.concatenate((rng.uniform(20.0, 30.0, 300), rng.uniform(60.0, 70.0, 300)))
+    mu = np.repeat([0.06, 0.35], 300)
+    value = np.concatenate(
+        [
+            ifrfit.rebound(g, e_n=0.9, e_t=-0.8, mu=m, degrees=True).beta
+            for g, m in ((gamma[:300], 0.06), (gamma[300:], 0.35))
+        ]
+    )
+    assert mu.size == value.size
+    data = simulated(np.repeat("beta", 600), gamma, value + rng.normal(0.0, 0.3, 600), np.full(600, 6.0))
+    problem = problem_of(data, fix={"e_n": 0.9})
+    group = whole_group(problem, problem.noise.sigma)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transition_search, "_FEW", 20)
+        found = transition_optimum(ImpulseRows.of(group))  # type: ignore[arg-type]
+    expected = minimise(kappa_form(group).problem)
+    assert found is not None
+    assert len(found.optima) == len(expected.optima)
+    assert found.chi2 == pytest.approx(expected.chi2, rel=1e-10)
+
+
+def test_nothing_lies_below_the_bound_of_an_interval() -> None:
+    """The bound of an interval against chi2 at places whose transition lies within it."""
+    group = group_of(11, 3000, "fr", sigma=0.2)
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    sums = transition_search._Sums.of(rows)
+    bins = transition_search._Bins.of(sums, float(rows.tau.min()), float(rows.tau.max()))
+    m = bins.count.size
+    outside = np.zeros((9, m + 1))
+    outside[:3, 1:] = bins.sums[:3].cumsum(axis=1)
+    outside[3:, :-1] = bins.sums[:, ::-1].cumsum(axis=1)[:, ::-1]
+    bounds = transition_search._lowest_in_bins(sums, bins, outside, float(m))
+    rng = np.random.default_rng(0)
+    law = rows.law
+    for c in np.linspace(*rows.domain, 15):
+        for tau in np.concatenate((rng.choice(rows.tau, 20), rng.uniform(0.0, 1.1 * rows.tau.max(), 20))):
+            value = rows.chi2(float(c), float(tau * (law.b0 + law.b1 * c)))
+            number = min(int(np.searchsorted(bins.edges, tau, side="right")) - 1, m - 1)
+            assert bounds[number] <= value * (1.0 + 1e-12)
+    # and it is worth something: few intervals are left for their rows
+    assert (bounds <= rows.chi2(*transition_optimum(rows).t.tolist()) + 4.0).sum() < 0.2 * m  # type: ignore[union-attr]
+
+
+def test_what_e_n_alone_decides_is_added() -> None:
+    rng = np.random.default_rng(2)
+    gamma = rng.uniform(10.0, 80.0, 60)
+    state = ifrfit.rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True)
+    value = np.concatenate((state.beta, state.v_n)) + rng.normal(0.0, 0.05, 120)
+    data = simulated(np.repeat(["beta", "v_n"], 60), np.tile(gamma, 2), value, np.full(120, 0.05))
+    problem = problem_of(data)
+    group = whole_group(problem, problem.noise.sigma)
+    found = solve(problem, problem.noise.sigma)
+    # e_n by hand: a straight line through the origin
+    cosine = np.cos(np.radians(gamma))
+    assert found.theta[0] == pytest.approx(float(cosine @ value[60:] / (cosine @ cosine)), rel=1e-12)
+    held = replace(group, e_n=replace(group.e_n, fixed=float(found.theta[0])))
+    assert found.objective == pytest.approx(minimise(kappa_form(held).problem).chi2, rel=1e-10)
+    assert found.certified

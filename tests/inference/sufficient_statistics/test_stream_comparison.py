@@ -1,0 +1,85 @@
+"""Closures side by side on the sums of impacts that are not held in memory."""
+
+from __future__ import annotations
+
+import pytest
+from matplotlib.text import Text
+from streams import folder_of, impacts
+
+import ifrfit
+from ifrfit.errors import UsageError
+from ifrfit.inference.sufficient_statistics.passes import Reader
+from ifrfit.physics.closures import CLOSURES
+
+pytest.importorskip("numba")
+
+BILINEAR = tuple(closure.name for closure in CLOSURES.values() if closure.bilinear)
+TOLERANCE = 1e-4  # of a log evidence: the quadrature's own is 1e-6 of a standard deviation, on other nodes
+
+
+@pytest.mark.parametrize(
+    ("options", "table"),
+    [
+        ({"noise": "known"}, {"columns": ("beta", "e_n")}),
+        ({"noise": "unknown"}, {"columns": ("v_x", "v_n")}),
+        ({"noise": "known", "fix": {"e_n": 0.9}}, {"columns": ("beta",), "sigma": 0.5}),
+    ],
+    ids=str,
+)
+def test_a_comparison_is_that_of_all_rows(tmp_path, options, table):
+    rows = impacts(1500, 3, **table)
+    rows.to_csv(tmp_path / "all.csv", index=False)
+    held = ifrfit.compare(tmp_path / "all.csv", BILINEAR, loo=False, **options)
+    streamed = ifrfit.compare(folder_of(tmp_path / "all", rows), loo=False, **options)
+    assert streamed.ranked == held.ranked
+    for name, theirs in held.entries.items():
+        ours = streamed.entries[name]
+        assert ours.fit.problem is None
+        assert ours.free == theirs.free
+        for criterion in ("aic", "bic", "chi2", "log_likelihood"):
+            value = getattr(theirs.fit.fit, criterion)
+            assert getattr(ours.fit.fit, criterion) == pytest.approx(value, rel=1e-9)
+        assert ours.log_evidence == pytest.approx(theirs.log_evidence, abs=TOLERANCE)
+        assert ours.log_bayes_factor == pytest.approx(theirs.log_bayes_factor, abs=2.0 * TOLERANCE)
+        assert ours.prior == theirs.prior
+    assert [row.varied for row in streamed.priors] == [row.varied for row in held.priors]
+    for ours, theirs in zip(streamed.priors, held.priors, strict=True):
+        for name, value in theirs.log_evidence.items():
+            if value is None:
+                assert ours.log_evidence[name] is None
+            else:
+                assert ours.log_evidence[name] == pytest.approx(value, abs=10.0 * TOLERANCE)
+    assert (streamed.verdict.kind, streamed.verdict.tied) == (held.verdict.kind, held.verdict.tied)
+    notes = " ".join(streamed.notes)
+    assert "MAW" in notes
+    assert "Cross-validation and the psi plane take the rows one by one" in notes
+
+
+def test_one_pass_for_all_closures(tmp_path, monkeypatch):
+    passes = []
+    for name in ("accumulate", "fetch"):
+        own = getattr(Reader, name)
+
+        def counted(*given, name=name, own=own):
+            passes.append(name)
+            return own(*given)
+
+        monkeypatch.setattr(Reader, name, counted)
+    folder = folder_of(tmp_path / "all", impacts(2500), 2, "parquet")
+    found = ifrfit.compare(folder, ("ifr", "fr", "f"))
+    assert passes == ["accumulate"]
+    assert found.ranked[0] == "ifr"
+    assert found.entries["f"].fit.fit.n == 5000
+    assert found.best.is_sampled
+    texts = [text.get_text() for text in found.plot().findobj(Text)]
+    assert "points: a random sample of 4,000 of 5,000 rows" in texts
+
+
+def test_what_a_comparison_cannot_have(tmp_path):
+    folder = folder_of(tmp_path / "all", impacts(300), 2, "parquet")
+    with pytest.raises(UsageError, match="needs the rows one by one"):
+        ifrfit.compare(folder, ("ifr", "maw"))
+    with pytest.raises(UsageError, match="in memory"):
+        ifrfit.compare(folder, exclude=("7",))
+    with pytest.raises(UsageError, match="known or unknown"):
+        ifrfit.compare(folder, noise="scaled")
