@@ -266,6 +266,7 @@ def choose_angle(layout: Layout, found: list[Column]) -> None:
 
 _SHOWN = 4
 _LONGEST_REMEDY = 300
+_WEIGHTS = ("weight", "weights", "w")
 
 
 def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoReturn:
@@ -317,6 +318,11 @@ def _either_angle(header: str) -> str:
 
 
 def _hint(header: str) -> str:
+    if parse_header(header).name in _WEIGHTS:
+        return (
+            ", which some write for 1/sigma and some for 1/sigma^2: give a column sigma, and --noise scaled where "
+            "only its proportions are known"
+        )
     sigma = uncertainty_of(header)
     if sigma is not None:
         return f", which looks like an uncertainty: one standard uncertainty is a column {sigma}"

@@ -98,6 +98,10 @@ def test_several_tables():
         ({"gamma_deg": [10.0], "beta": [float("inf")]}, "row 0, column beta: 'inf' is infinite"),
         ({"gamma_deg": [True], "beta": [0.1]}, "column gamma_deg: holds bool"),
         ({"gamma_deg": [10.0], "beta": [1j]}, "holds complex"),
+        (
+            {"gamma_deg": [10.0], "beta": [0.1], "weight": [4.0]},
+            "weight: unknown name, which some write for 1/sigma",
+        ),
         ({"gamma_deg": [10.0], "": [0.1]}, "column 2: the column has no name"),
         ({}, "there is no column"),
         (pd.DataFrame({"gamma_deg": [], "beta": []}), "there is no row"),
