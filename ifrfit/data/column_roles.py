@@ -320,8 +320,8 @@ def _either_angle(header: str) -> str:
 def _hint(header: str) -> str:
     if parse_header(header).name in _WEIGHTS:
         return (
-            ", which some write for 1/sigma and some for 1/sigma^2: give a column sigma, and --noise scaled where "
-            "only its proportions are known"
+            ", which some write for 1/sigma and some for 1/sigma^2: give a column sigma, and --noise scaled "
+            "where only its proportions are known"
         )
     sigma = uncertainty_of(header)
     if sigma is not None:

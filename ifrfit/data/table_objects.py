@@ -21,9 +21,9 @@ _ARROW = "__arrow_c_stream__"  # Arrow's own protocol: polars, pyarrow, duckdb a
 
 def is_table(given: object) -> bool:
     """Whether an object is a table in itself: a data frame, an Arrow table, or a mapping."""
-    return isinstance(given, pd.DataFrame | Mapping) or (
-        hasattr(given, _ARROW) and hasattr(given, "column_names" if hasattr(given, "schema") else "columns")
-    )
+    if isinstance(given, pd.DataFrame | Mapping):
+        return True
+    return hasattr(given, _ARROW) and (hasattr(given, "columns") or hasattr(given, "column_names"))
 
 
 def tables_of(given: Any) -> dict[str, Any]:

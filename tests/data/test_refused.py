@@ -136,12 +136,12 @@ def test_a_code_for_a_missing_value_is_refused_with_its_place(read, column, code
 
 
 @pytest.mark.parametrize(
-    ("code", "times", "refused"), [("9.99", 3, True), ("9.99", 2, False), ("-9.9", 4, True)]
+    ("code", "times", "is_code"), [("9.99", 3, True), ("9.99", 2, False), ("-9.9", 4, True)]
 )
-def test_a_short_code_is_one_where_it_is_repeated(read, code, times, refused):
+def test_a_short_code_is_one_where_it_is_repeated(read, code, times, is_code):
     lines = [f"{10 + i},{code if i < times else 0.1 * i}" for i in range(10)]
     text = "gamma_deg,beta\n" + "\n".join(lines) + "\n"
-    if not refused:
+    if not is_code:
         assert len(read(text).table) == 10
         return
     with refused(DataError) as raised:
