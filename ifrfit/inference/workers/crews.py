@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,8 @@ R = TypeVar("R")
 TRIES = 3
 _ANSWERS_WITHIN = 15  # seconds
 _WORKERS_WITHIN = 60
+_WITHOUT_WORKERS = 60.0  # seconds without any, after which nobody is waited for
+_LOOK_EVERY = 2.0  # seconds
 _LEAST_AT_ONCE = 8  # given to a cluster, to which workers may come at any time
 
 
@@ -51,6 +54,15 @@ class Crew(Protocol):
 
     def submit(self, work: Callable[[Sequence[T]], R], items: Sequence[T]) -> Future[R]:
         """Give work; CrewDiedError where nobody is there to take it."""
+
+    def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
+        """Wait until some of what was given is done.
+
+        Raises
+        ------
+        UsageError
+            Nobody is left who could do it.
+        """
 
     def result(self, future: Future[R]) -> R:
         """What came of it.
@@ -82,6 +94,10 @@ class Processes:
             return self._pool.submit(work, items)
         except (BrokenProcessPool, OSError):  # the latter where it breaks while a further one starts
             raise self._died() from None
+
+    def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
+        """See `Crew`; a process that dies is started anew."""
+        return wait(given, return_when=FIRST_COMPLETED).done
 
     def result(self, future: Future[R]) -> R:
         """See `Crew`."""
@@ -185,6 +201,22 @@ class Cluster:
         """See `Crew`."""
         with self._lost_is_said():
             return self._executor.submit(partial(_knowing, self._added, work), items)
+
+    def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
+        """See `Crew`: a scheduler without workers waits for some without end."""
+        missed: float | None = None
+        while not (done := wait(given, _LOOK_EVERY, FIRST_COMPLETED).done):
+            with self._lost_is_said():
+                has_workers = bool(self._client.nthreads())
+            now = time.monotonic()
+            missed = None if has_workers else now if missed is None else missed
+            if missed is not None and now - missed >= _WITHOUT_WORKERS:
+                raise UsageError(
+                    f"--scheduler {self._address}: for {_WITHOUT_WORKERS:g} seconds it has had no workers. "
+                    "Start some, and run the same command: it goes on with what was found before, if --out "
+                    "was given."
+                )
+        return done
 
     def result(self, future: Future[R]) -> R:
         """See `Crew`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
@@ -58,7 +58,7 @@ def in_lots(
     while True:
         try:
             while _submit(crew, work, running, retries, lots):
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                for future in crew.first_done(running):
                     try:
                         found = crew.result(future)
                     except LotDiedError:

@@ -167,3 +167,28 @@ def test_scheduler_and_workers_of_the_command_line(tmp_path, port, small_portion
     assert list((tmp_path / "out.unfinished").iterdir())
     assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out))) == alone
     assert not (tmp_path / "out.unfinished").exists()
+
+
+def test_a_scheduler_that_has_lost_its_workers_is_not_waited_for_without_end(
+    tmp_path, port, small_portions, monkeypatch
+):
+    monkeypatch.setattr(crews, "_WITHOUT_WORKERS", 1.0)
+    monkeypatch.setattr(crews, "_LOOK_EVERY", 0.2)
+    folder = folder_of(tmp_path / "all", impacts(9000), 3, "parquet")
+    address, out = f"tcp://127.0.0.1:{port}", tmp_path / "out"
+    quick = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
+    with (
+        started("scheduler", "--port", f"{port}", "--dashboard-address", "127.0.0.1:0"),
+        started("worker", address, *quick) as worker,
+    ):
+
+        def killing(done, most):
+            if done > 1500:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(worker.pid, signal.SIGKILL)
+
+        method = LeastSquares(scheduler=address, resume=out)
+        with pytest.raises(UsageError, match="it has had no workers"):
+            ifrfit.fit(folder, method=method, progress=killing)
+    alone = record_of(ifrfit.fit(folder, method="lsq"))
+    assert record_of(ifrfit.fit(folder, method=LeastSquares(resume=out))) == alone
