@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from ifrfit.cli.completion import completer
+from ifrfit.cli.grouped_help import DATA, METHOD
 from ifrfit.cli.options import SharedCommand, command_line
 from ifrfit.cli.output import Quiet, say, working
 from ifrfit.errors import UsageError
@@ -19,25 +21,51 @@ def campaign(
     by: Annotated[
         str,
         typer.Option(
-            metavar="NAME,...", help="Columns that form the groups; 'file' is the name of the file."
+            metavar="NAME,...",
+            help="Columns that form the groups; 'file' is the name of the file.",
+            rich_help_panel=DATA,
         ),
     ],
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Write campaign.json, results.parquet and index.html there.")
     ],
-    method: Annotated[str, typer.Option(help="exact, lsq or profile.")] = "exact",
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="exact, lsq or profile.",
+            autocompletion=completer(lambda: ("exact", "lsq", "profile")),
+            rich_help_panel=METHOD,
+        ),
+    ] = "exact",
     facts: Annotated[
         bool,
-        typer.Option("--facts/--no-facts", help="Look for slips, effects and lack of fit in each group."),
+        typer.Option(
+            "--facts/--no-facts",
+            help="Look for slips, effects and lack of fit in each group.",
+            rich_help_panel=METHOD,
+        ),
     ] = True,
     workers: Annotated[
-        int, typer.Option(metavar="N", help="Processes; the results do not depend on them.", min=1)
+        int,
+        typer.Option(
+            metavar="N",
+            help="Processes; the results do not depend on them.",
+            min=1,
+            rich_help_panel=METHOD,
+        ),
     ] = 1,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers fit the groups."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers fit the groups.  [default: none]",
+            rich_help_panel=METHOD,
+        ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished campaign.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an unfinished campaign.", rich_help_panel=METHOD)
+    ] = False,
     force: Annotated[
         bool,
         typer.Option(

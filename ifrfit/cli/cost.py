@@ -7,7 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ifrfit.cli.options import Repeated, SharedCommand, command_line
+from ifrfit.cli.completion import completer
+from ifrfit.cli.grouped_help import METHOD
+from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
 from ifrfit.cli.output import show, working
 from ifrfit.errors import UsageError
 
@@ -17,9 +19,17 @@ def cost(
     question: dict[str, Any],
     kind: Annotated[
         Repeated,
-        typer.Option(metavar="KIND", help="inference, physics or arithmetic; by default all three."),
+        typer.Option(
+            metavar="KIND,...",
+            help="inference, physics or arithmetic.  [repeatable; default: all three]",
+            autocompletion=completer(lambda: ("inference", "physics", "arithmetic"), "words"),
+            rich_help_panel=METHOD,
+        ),
     ] = [],  # noqa: B006
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and repeats: seconds.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Fewer settings and repeats: seconds.", rich_help_panel=METHOD),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
     ] = None,
@@ -43,7 +53,7 @@ def cost(
         check_free(out, force=force, of=COSTS)
     with working(quiet or as_json, "measuring", "choices") as progress:
         found = measure_costs(
-            kinds=kind,
+            kinds=words(kind),
             quick=quick,
             command=command_line(),
             progress=progress,

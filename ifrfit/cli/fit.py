@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import SharedCommand, command_line
 from ifrfit.cli.output import Quiet, insist, show, working
 from ifrfit.errors import UsageError
@@ -22,7 +23,11 @@ def fit(
     question: dict[str, Any],
     intervals: Annotated[
         bool,
-        typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
+        typer.Option(
+            "--intervals",
+            help="Compare intervals by covariance, profile and exact posterior.",
+            rich_help_panel=METHOD,
+        ),
     ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
@@ -34,7 +39,7 @@ def fit(
     quiet: Quiet = False,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
+        typer.Option("--strict", help="Exit with 4 if a constant is not determined, or a fact fails (LOOK)."),
     ] = False,
 ) -> None:
     """Constants from tables of impacts, with uncertainties."""
@@ -74,9 +79,10 @@ def fit(
     show(result, out, written, as_json=as_json, quiet=quiet, more=more)
     if strict:
         open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
+        from ifrfit.report.sentences import failing_facts
+
         reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
-        converged = result.facts["converged"]
-        insist([*reasons, *([] if converged.ok else [converged.says])])
+        insist([*reasons, *(fact.says for fact in failing_facts(result).values())])
 
 
 def _streams(data: list[str]) -> bool:

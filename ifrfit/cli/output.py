@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 NOT_REACHED = 4  # exit status of --strict
+
+
+def text_width() -> int:
+    """Columns that a text may take: those of the terminal, at most 100; 80 where there is none."""
+    return max(min(shutil.get_terminal_size((80, 24)).columns, 100), 40)
 
 
 class Shown(Protocol):
@@ -54,7 +60,7 @@ def say(text: str, out: Path | None, written: Sequence[str]) -> None:
 def insist(reasons: Sequence[str]) -> None:
     """Leave with status 4, saying why, if there is a reason."""
     if reasons:
-        typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
+        typer.echo(f"ifrfit: --strict: {'; '.join(reason.rstrip('.') for reason in reasons)}.", err=True)
         raise typer.Exit(NOT_REACHED)
 
 

@@ -6,7 +6,7 @@ computes stands in modules of its own, which `run` imports.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypedDict, Unpack, runtime_checkable
@@ -134,6 +134,7 @@ def _accuracy() -> Any:
         "Largest error of mean, sd and interval, in posterior sd: picks method and settings.",
         form="number",
         metavar="SD",
+        unset="the method's own",
     )
 
 
@@ -144,6 +145,12 @@ def _budget() -> Any:
 def _workers() -> Any:
     says = "Processes, for mcmc, bootstrap and data not held in memory; no number depends on them."
     return option(1, says, form="integer", metavar="N", least=1)
+
+
+def _schemes() -> Iterable[str]:
+    from ifrfit.inference.bootstrap.schemes import SCHEMES
+
+    return SCHEMES
 
 
 def _scheduler() -> Any:
@@ -211,7 +218,11 @@ class Exact(Method):
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()
     integrator: str | None = option(
-        None, "exact: automatic (default), quadrature or sampling (importance sampling).", metavar="NAME"
+        None,
+        "exact: automatic, quadrature or sampling (importance sampling).",
+        metavar="NAME",
+        unset="automatic",
+        choices=lambda: _INTEGRATORS,
     )
     workers: int = _workers()
     scheduler: str | None = _scheduler()
@@ -333,7 +344,7 @@ class MCMC(Method):
     label: ClassVar[str] = "MCMC"
     summary: ClassVar[str] = "Markov chains"
     max_steps: int | None = option(
-        None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N", least=1
+        None, "mcmc: most steps.", form="integer", metavar="N", least=1, unset="10000"
     )
     resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
     workers: int = _workers()
@@ -394,12 +405,14 @@ class Bootstrap(PlainErrors):
     summary: ClassVar[str] = "fits of experiments drawn anew"
     scheme: str | None = option(
         None,
-        "bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
+        "bootstrap: what is drawn anew: cases (impacts), residual, wild or wild-mammen.",
         metavar="SCHEME",
         keyword="resample",
+        unset="cases",
+        choices=_schemes,
     )
     replicates: int | None = option(
-        None, "bootstrap: experiments drawn, 1000 by default.", form="integer", metavar="N"
+        None, "bootstrap: experiments drawn.", form="integer", metavar="N", unset="1000"
     )
     workers: int = _workers()
 
