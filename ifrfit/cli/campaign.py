@@ -11,7 +11,7 @@ import typer
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import DATA, METHOD
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, say, working
+from ifrfit.cli.output import Quiet, interrupted, say, working
 from ifrfit.errors import UsageError
 
 
@@ -102,7 +102,6 @@ def campaign(
                 **question,
             )
     except KeyboardInterrupt:
-        typer.echo("ifrfit: interrupted. What was found is kept: --resume goes on.", err=True)
-        raise typer.Exit(130) from None
+        interrupted("What was found is kept: --resume goes on.")
     if not quiet:
         say(summary(found), out, written)

@@ -12,7 +12,7 @@ import typer
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import METHOD, MODEL
 from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
-from ifrfit.cli.output import Quiet, insist, show, working
+from ifrfit.cli.output import Quiet, insist, interrupted, show, working
 
 
 def _closures() -> Iterable[str]:
@@ -58,16 +58,32 @@ def compare(
     ] = False,
 ) -> None:
     """Closures side by side: which of them the data prefer."""
+    from ifrfit.inference.comparison.compare import ComparisonInterrupted
     from ifrfit.inference.comparison.compare import compare as run
     from ifrfit.report.atomic_folder import check_free
     from ifrfit.report.comparison.figure import COMPARISON, write_comparison
 
     if out is not None:
         check_free(out, force=force, of=COMPARISON)
-    with working(quiet or as_json, "comparing"):
-        found = run(closures=words(closure) or None, loo=loo, command=command_line(), **question)
+    stopped = ""
+    try:
+        with working(quiet or as_json, "comparing") as progress:
+            found = run(
+                closures=words(closure) or None,
+                loo=loo,
+                command=command_line(),
+                progress=progress,
+                **question,
+            )
+    except KeyboardInterrupt as interrupt:
+        if not isinstance(interrupt, ComparisonInterrupted):
+            interrupted("")
+        found, stopped = interrupt.so_far, str(interrupt)
+    with working(quiet or as_json, "drawing"):
         written = write_comparison(found, out, force=force) if out is not None else []
     show(found, out, written, as_json=as_json, quiet=quiet)
+    if stopped:
+        interrupted(stopped.removeprefix("Interrupted: "))
     if strict:
         from ifrfit.report.comparison.text import findings
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ import typer
 
 from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, insist, show, working
+from ifrfit.cli.output import Quiet, insist, interrupted, show, working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -56,33 +57,46 @@ def fit(
     elif streams and out is not None and hasattr(question["method"], "scheduler"):
         # what is read is kept beside the results to be, so that the same command goes on with it
         question["method"] = replace(question["method"], resume=out)
+    unfinished = _unfinished(out)
+    if hasattr(question["method"], "keep"):
+        question["method"] = replace(question["method"], keep=unfinished)
     if out is not None and not force:
         from ifrfit.report.atomic_folder import check_free
         from ifrfit.report.folder import FIT
 
         check_free(out, force=False, of=FIT)
-    with working(quiet or as_json, of="rows" if streams else "steps") as progress:
-        try:
+    try:
+        with working(quiet or as_json, of="rows" if streams else "steps") as progress:
             result = run(**question, progress=progress, command=command_line())
-        except KeyboardInterrupt:
-            kept = out is not None and out.with_name(f"{out.name}.unfinished").is_dir()
-            more = " What was read is kept: the same command goes on." if kept else ""
-            typer.echo(f"ifrfit: interrupted.{more}", err=True)
-            raise typer.Exit(130) from None
-        table = result.intervals() if intervals else None
-        written = _write(result, out, force)
+            table = result.intervals() if intervals else None
+            written = _write(result, out, force)
+    except KeyboardInterrupt as interrupt:
+        kept = "What was found is kept: the same command goes on with it." if unfinished.is_dir() else ""
+        interrupted(str(interrupt) or kept)
     more = ""
     if table is not None:
         from ifrfit.report import side_by_side
 
         more = f"\n\n{side_by_side(table)}"
     show(result, out, written, as_json=as_json, quiet=quiet, more=more)
+    if hasattr(question["method"], "keep"):
+        from ifrfit.inference.unfinished_run import remove_unfinished
+
+        remove_unfinished(unfinished)
     if strict:
         open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
         from ifrfit.report.sentences import failing_facts
 
         reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
         insist([*reasons, *(fact.says for fact in failing_facts(result).values())])
+
+
+def _unfinished(out: Path | None) -> Path:
+    """Where a run that is interrupted keeps what it found: beside its results, else here, by its command."""
+    if out is not None:
+        place = out.resolve()
+        return place.with_name(f"{place.name}.unfinished")
+    return Path(f"ifrfit-{hashlib.sha256(command_line().encode()).hexdigest()[:8]}.unfinished")
 
 
 def _streams(data: list[str]) -> bool:

@@ -7,20 +7,24 @@ import functools
 import os
 import shutil
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
 from ifrfit.errors import IfrfitError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
     from rich.status import Status
 
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 NOT_REACHED = 4  # exit status of --strict
+INTERRUPTED = 130  # as shells have it: 128 and the number of the signal
 
 
 def text_width() -> int:
@@ -64,6 +68,12 @@ def insist(reasons: Sequence[str]) -> None:
         raise typer.Exit(NOT_REACHED)
 
 
+def interrupted(kept: str) -> NoReturn:
+    """Leave as one does after Ctrl-C, saying what is kept."""
+    typer.echo(f"ifrfit: interrupted. {kept}".rstrip(), err=True)
+    raise typer.Exit(INTERRUPTED) from None
+
+
 def command(function: Callable[..., None]) -> Callable[..., None]:
     """Turn errors raised on purpose into a sentence and an exit status, and a bug into a short notice."""
 
@@ -91,11 +101,23 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
+_PATIENCE = 1.0  # seconds that nothing is shown: short work needs no bar, nor the import of what draws it
+
+
 @contextlib.contextmanager
 def working(
-    quiet: bool, what: str = "fitting", of: str = "steps"
+    quiet: bool, what: str = "fitting", of: str = "steps", *, after: float = _PATIENCE
 ) -> Iterator[Callable[[int, int], None] | None]:
-    """Show that work goes on, on standard error if that is a terminal.
+    """Show that work goes on, with its rate and the time left, on standard error if that is a terminal.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether nobody wants to see it.
+    what, of : str
+        What is done, and what is counted: "fitting", "steps".
+    after : float
+        Seconds until it is shown.
 
     Yields
     ------
@@ -105,20 +127,83 @@ def working(
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+    bar = _Bar(what, of)
+    timer = threading.Timer(after, bar.show)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield bar.update
+    finally:
+        timer.cancel()
+        bar.close()
 
-    shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
 
-        def progress(done: int, most: int) -> None:
-            speed = bar.tasks[0].speed
-            rate = f", {speed:,.0f} a second" if speed else ""
-            words = f"{done:,} {of}, {most:,} at most{rate}"
-            bar.update(task, description=words, completed=done, total=most)
+class _Bar:
+    """A line of progress that appears when it is asked to, from whichever thread."""
 
-        yield progress
+    def __init__(self, what: str, of: str) -> None:
+        self._what = what
+        self._of = of
+        self._lock = threading.Lock()
+        self._latest: tuple[int, int] | None = None
+        self._begin = time.monotonic()
+        self._shown: Progress | None = None
+        self._closed = False
+
+    def show(self) -> None:
+        """Draw it from now on."""
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if self._closed:
+                return
+            columns = (
+                SpinnerColumn(),
+                TextColumn("{task.description}"),
+                BarColumn(bar_width=20),
+                TimeElapsedColumn(),
+            )
+            self._shown = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._shown.add_task(self._what, total=None)
+            self._shown.start()
+        if self._latest is not None:
+            self.update(*self._latest)
+
+    def update(self, done: int, most: int) -> None:
+        """Tell how far it is."""
+        self._latest = (done, most)
+        with self._lock:
+            if self._shown is not None:
+                words = (
+                    f"{self._what}: {progress_words(done, most, self._of, time.monotonic() - self._begin)}"
+                )
+                self._shown.update(self._shown.task_ids[0], description=words, completed=done, total=most)
+
+    def close(self) -> None:
+        """Take it away."""
+        with self._lock:
+            self._closed = True
+            if self._shown is not None:
+                self._shown.stop()
+
+
+def progress_words(done: int, most: int, of: str, seconds: float) -> str:
+    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left"."""
+    words = f"{done:,} of {most:,} {of}"
+    if done <= 0 or seconds <= 0.0:
+        return words
+    rate = done / seconds
+    speed = f"{rate:,.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second"
+    left = (most - done) / rate
+    remaining = (
+        f"{left:.0f} s left"
+        if left < 100.0
+        else f"{left / 60.0:.0f} min left"
+        if left < 6000.0
+        else f"{left / 3600.0:.0f} h left"
+    )
+    return f"{words}, {speed}, {remaining}" if most > done else f"{words}, {speed}"
 
 
 def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:

@@ -330,6 +330,8 @@ class MCMC(Method):
         As of `Exact`: largest standard error.
     budget : float, str or None
         As of `Exact`.
+    keep : str, Path or None
+        Folder in which chains are kept where the run is interrupted, and from which the same one goes on.
 
     Raises
     ------
@@ -350,6 +352,7 @@ class MCMC(Method):
     workers: int = _workers()
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()
+    keep: str | Path | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -370,7 +373,14 @@ class MCMC(Method):
         if self.accuracy is not None or self.budget is not None:
             request = make_request(self.accuracy, self.budget, asked.get("started"))
             return as_requested(
-                problem, optimum, request, [self.name], seed=seed, workers=self.workers, progress=progress
+                problem,
+                optimum,
+                request,
+                [self.name],
+                seed=seed,
+                workers=self.workers,
+                keep=None if self.keep is None else Path(self.keep),
+                progress=progress,
             )
         found = sample(
             problem,
@@ -379,6 +389,7 @@ class MCMC(Method):
             max_steps=MAX_STEPS if self.max_steps is None else self.max_steps,
             workers=self.workers,
             resume=None if self.resume is None else Path(self.resume),
+            keep=None if self.keep is None else Path(self.keep),
             progress=progress,
         )
         return sample_estimation(found, optimum)
@@ -397,6 +408,8 @@ class Bootstrap(PlainErrors):
         Experiments drawn; 1,000 by default.
     workers : int
         As of `MCMC`.
+    keep : str, Path or None
+        Folder in which replicates are kept where the run is interrupted, and from which the same one goes on.
     """
 
     name: ClassVar[str] = "bootstrap"
@@ -415,6 +428,7 @@ class Bootstrap(PlainErrors):
         None, "bootstrap: experiments drawn.", form="integer", metavar="N", unset="1000"
     )
     workers: int = _workers()
+    keep: str | Path | None = None
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""
@@ -428,6 +442,7 @@ class Bootstrap(PlainErrors):
             replicates=REPLICATES if self.replicates is None else self.replicates,
             seed=asked.get("seed", 0),
             workers=self.workers,
+            keep=None if self.keep is None else Path(self.keep),
             progress=asked.get("progress"),
         )
         return estimation_of(found, optimum)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
@@ -33,6 +33,21 @@ from ifrfit.text import joined
 
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
+Progress = Callable[[int, int], None]
+
+
+class ComparisonInterrupted(KeyboardInterrupt):
+    """A comparison that was interrupted, and what it had compared.
+
+    Attributes
+    ----------
+    so_far : Comparison
+    """
+
+    def __init__(self, said: str, so_far: Comparison) -> None:
+        super().__init__(said)
+        self.so_far = so_far
+
 
 def compare(
     data: Data | Sequence[Data],
@@ -44,6 +59,7 @@ def compare(
     seed: int = 0,
     scene: str | Path | None = None,
     command: str = "",
+    progress: Progress | None = None,
     **keywords: Unpack[QuestionKeywords],
 ) -> Comparison:
     """Weigh closures against each other by what they say of the same impacts.
@@ -65,6 +81,8 @@ def compare(
         Of the draws behind bands and cross-validation.
     scene, command
         As `fit`.
+    progress : callable, optional
+        Called with the closures fitted and cross-validated, and how many there are to be.
     **keywords
         Those of `fit` but for closure and the options of methods.
 
@@ -78,6 +96,8 @@ def compare(
         For choices that do not exist or contradict, or fewer than two closures.
     DataError
         For data that are refused.
+    ComparisonInterrupted
+        By Ctrl-C, with what was compared until then.
 
     Notes
     -----
@@ -95,7 +115,24 @@ def compare(
     asked, notes = chosen_closures(closures, scatter.is_plain)
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, keywords)
-    return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
+    fits: dict[str, FitResult] = {}
+    stages = len(asked) * (1 + loo)
+
+    def tell(done: int) -> None:
+        if progress is not None:
+            progress(done, stages)
+
+    try:
+        fit_each(question, asked, chosen, seed, command, fits, tell)
+        return _weighed(fits, notes, loo, seed, lambda done: tell(len(asked) + done))
+    except KeyboardInterrupt:
+        if len(fits) < 2:
+            raise
+        missing = [closure.title for closure in asked if closure.name not in fits]
+        left_out = [f"{joined(missing)} not fitted"] if missing else []
+        left_out += ["nothing cross-validated"] if loo else []
+        said = f"Interrupted: {', '.join(left_out)}."
+        raise ComparisonInterrupted(said, _weighed(fits, (*notes, said), loo=False, seed=seed)) from None
 
 
 def compare_result(result: FitResult) -> Comparison:
@@ -142,11 +179,17 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
         raise type(error)(f"Closure {closure.title}: {error}") from None
 
 
-def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
+def _weighed(
+    fits: dict[str, FitResult],
+    notes: tuple[str, ...],
+    loo: bool,
+    seed: int,
+    tell: Callable[[int], None] = lambda done: None,
+) -> Comparison:
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
-    found = _cross_validated(fits, evidence, seed) if loo else {}
+    found = _cross_validated(fits, evidence, seed, tell) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
@@ -157,7 +200,9 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
     return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)
 
 
-def _cross_validated(fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int) -> dict[str, Loo]:
+def _cross_validated(
+    fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int, tell: Callable[[int], None]
+) -> dict[str, Loo]:
     """Every closure with draws of its own, whichever others are compared; empty for too many rows.
 
     Impacts are left out in earnest under those alone that have a hope beside the best.
@@ -169,6 +214,7 @@ def _cross_validated(fits: dict[str, FitResult], evidence: Mapping[str, float], 
         if own is None:
             return {}
         found[name] = own
+        tell(len(found))
     return with_differences(found)
 
 
@@ -260,9 +306,15 @@ def applied_where(closures: Sequence[Closure], choices: Mapping[str, Iterable[st
 
 
 def fit_each(
-    question: Question, closures: Sequence[Closure], model: Model, seed: int, command: str
-) -> dict[str, FitResult]:
-    """Fit every closure by exact posterior.
+    question: Question,
+    closures: Sequence[Closure],
+    model: Model,
+    seed: int,
+    command: str,
+    found: dict[str, FitResult],
+    tell: Callable[[int], None],
+) -> None:
+    """Fit every closure by exact posterior, and put each into `found`.
 
     Raises
     ------
@@ -271,7 +323,6 @@ def fit_each(
     """
     own = {c.constant for c in closures if c.constant}
     specific = any(name in own for named in model.named_constants().values() for name in named)
-    found: dict[str, FitResult] = {}
     problem: Problem | None = None
     for closure in closures:
         try:
@@ -292,7 +343,7 @@ def fit_each(
                 raise
             named = str(error).startswith(f"Closure {closure.title} ")
             raise type(error)(str(error) if named else f"Closure {closure.title}: {error}") from None
-    return found
+        tell(len(found))
 
 
 def aicc(result: FitResult) -> float | None:
