@@ -78,11 +78,12 @@ def campaign(
     from ifrfit.campaign.report.folder import CAMPAIGN, write_campaign
     from ifrfit.campaign.report.text import summary
     from ifrfit.campaign.run import run_campaign
-    from ifrfit.report.atomic_folder import check_free
+    from ifrfit.report.atomic_folder import check_free, standing
 
     if question.pop("scene") is not None:
         raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
     check_free(out, force=force, of=CAMPAIGN)
+    before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]
     try:
         with working(quiet, "reading", of="groups") as progress:
@@ -104,4 +105,4 @@ def campaign(
     except KeyboardInterrupt:
         interrupted("What was found is kept: --resume goes on.")
     if not quiet:
-        say(summary(found), out, written)
+        say(summary(found), out, written, before)

@@ -60,11 +60,12 @@ def compare(
     """Closures side by side: which of them the data prefer."""
     from ifrfit.inference.comparison.compare import ComparisonInterrupted
     from ifrfit.inference.comparison.compare import compare as run
-    from ifrfit.report.atomic_folder import check_free
+    from ifrfit.report.atomic_folder import check_free, standing
     from ifrfit.report.comparison.figure import COMPARISON, write_comparison
 
     if out is not None:
         check_free(out, force=force, of=COMPARISON)
+    before = "" if out is None else standing(out, COMPARISON)
     stopped = ""
     try:
         with working(quiet or as_json, "comparing") as progress:
@@ -81,7 +82,7 @@ def compare(
         found, stopped = interrupt.so_far, str(interrupt)
     with working(quiet or as_json, "drawing"):
         written = write_comparison(found, out, force=force) if out is not None else []
-    show(found, out, written, as_json=as_json, quiet=quiet)
+    show(found, out, written, as_json=as_json, quiet=quiet, before=before)
     if stopped:
         interrupted(stopped.removeprefix("Interrupted: "))
     if strict:

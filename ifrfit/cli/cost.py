@@ -47,10 +47,11 @@ def cost(
         raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
     from ifrfit.cost.measure import measure_costs
     from ifrfit.cost.result import COSTS
-    from ifrfit.report.atomic_folder import check_free
+    from ifrfit.report.atomic_folder import check_free, standing
 
     if out is not None:
         check_free(out, force=force, of=COSTS)
+    before = "" if out is None else standing(out, COSTS)
     with working(quiet or as_json, "measuring", "choices") as progress:
         found = measure_costs(
             kinds=words(kind),
@@ -60,4 +61,4 @@ def cost(
             **question,
         )
         written = found.save(out, force=force) if out is not None else []
-    show(found, out, written, as_json=as_json, quiet=quiet)
+    show(found, out, written, as_json=as_json, quiet=quiet, before=before)

@@ -60,11 +60,13 @@ def fit(
     unfinished = _unfinished(out)
     if hasattr(question["method"], "keep"):
         question["method"] = replace(question["method"], keep=unfinished)
-    if out is not None and not force:
-        from ifrfit.report.atomic_folder import check_free
+    before = ""
+    if out is not None:
+        from ifrfit.report.atomic_folder import check_free, standing
         from ifrfit.report.folder import FIT
 
-        check_free(out, force=False, of=FIT)
+        check_free(out, force=force, of=FIT)
+        before = standing(out, FIT)
     try:
         with working(quiet or as_json, of="rows" if streams else "steps") as progress:
             result = run(**question, progress=progress, command=command_line())
@@ -78,7 +80,7 @@ def fit(
         from ifrfit.report import side_by_side
 
         more = f"\n\n{side_by_side(table)}"
-    show(result, out, written, as_json=as_json, quiet=quiet, more=more)
+    show(result, out, written, as_json=as_json, quiet=quiet, more=more, before=before)
     if hasattr(question["method"], "keep"):
         from ifrfit.inference.unfinished_run import remove_unfinished
 

@@ -43,7 +43,14 @@ class Shown(Protocol):
 
 
 def show(
-    found: Shown, out: Path | None, written: Sequence[str], *, as_json: bool, quiet: bool, more: str = ""
+    found: Shown,
+    out: Path | None,
+    written: Sequence[str],
+    *,
+    as_json: bool,
+    quiet: bool,
+    more: str = "",
+    before: str = "",
 ) -> None:
     """Print a result: JSON and nothing else, or text with `more` and the names of the files, or nothing."""
     if as_json:
@@ -51,14 +58,16 @@ def show(
 
         typer.echo(dumps(found.to_dict()), nl=False)
     elif not quiet:
-        say(found.summary() + more, out, written)
+        say(found.summary() + more, out, written, before)
 
 
-def say(text: str, out: Path | None, written: Sequence[str]) -> None:
-    """Print a text and the names of the files."""
+def say(text: str, out: Path | None, written: Sequence[str], before: str = "") -> None:
+    """Print a text, the names of the files, and what became of what lay there before."""
     typer.echo(text)
     if written:
         typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+    if written and before:
+        typer.echo(f"         {before}")
 
 
 def insist(reasons: Sequence[str]) -> None:
