@@ -12,7 +12,7 @@ import typer
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import METHOD, MODEL
 from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
-from ifrfit.cli.output import Quiet, insist, interrupted, show, working
+from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 
 
 def _closures() -> Iterable[str]:
@@ -49,6 +49,7 @@ def compare(
         bool, typer.Option("--json", help="compare.json on standard output, nothing else.")
     ] = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     strict: Annotated[
         bool,
         typer.Option(
@@ -68,7 +69,7 @@ def compare(
     before = "" if out is None else standing(out, COMPARISON)
     stopped = ""
     try:
-        with working(quiet or as_json, "comparing") as progress:
+        with verbosely(verbose, quiet), working(quiet or as_json, "comparing") as progress:
             found = run(
                 closures=words(closure) or None,
                 loo=loo,

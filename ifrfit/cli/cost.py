@@ -10,7 +10,7 @@ import typer
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
-from ifrfit.cli.output import show, working
+from ifrfit.cli.output import Verbose, show, verbosely, working
 from ifrfit.errors import UsageError
 
 
@@ -41,6 +41,7 @@ def cost(
         ),
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """What accuracy costs in time, measured now, on your data."""
     if quiet and out is None and not as_json:
@@ -52,7 +53,7 @@ def cost(
     if out is not None:
         check_free(out, force=force, of=COSTS)
     before = "" if out is None else standing(out, COSTS)
-    with working(quiet or as_json, "measuring", "choices") as progress:
+    with verbosely(verbose, quiet), working(quiet or as_json, "measuring", "choices") as progress:
         found = measure_costs(
             kinds=words(kind),
             quick=quick,

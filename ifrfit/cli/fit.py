@@ -12,7 +12,7 @@ import typer
 
 from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, insist, interrupted, show, working
+from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def fit(
         bool, typer.Option("--json", help="result.json on standard output, nothing else.")
     ] = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="Exit with 4 if a constant is not determined, or a fact fails (LOOK)."),
@@ -68,18 +69,24 @@ def fit(
         check_free(out, force=force, of=FIT)
         before = standing(out, FIT)
     try:
-        with working(quiet or as_json, of="rows" if streams else "steps") as progress:
+        with (
+            verbosely(verbose, quiet),
+            working(quiet or as_json, of="rows" if streams else "steps") as progress,
+        ):
             result = run(**question, progress=progress, command=command_line())
             table = result.intervals() if intervals else None
             written = _write(result, out, force)
     except KeyboardInterrupt as interrupt:
         kept = "What was found is kept: the same command goes on with it." if unfinished.is_dir() else ""
         interrupted(str(interrupt) or kept)
-    more = ""
-    if table is not None:
+
+    def more() -> str:
+        if table is None:
+            return ""
         from ifrfit.report import side_by_side
 
-        more = f"\n\n{side_by_side(table)}"
+        return f"\n\n{side_by_side(table)}"
+
     show(result, out, written, as_json=as_json, quiet=quiet, more=more, before=before)
     if hasattr(question["method"], "keep"):
         from ifrfit.inference.unfinished_run import remove_unfinished

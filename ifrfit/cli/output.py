@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
-from ifrfit.errors import IfrfitError
+from ifrfit.errors import IfrfitError, UsageError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -23,6 +23,14 @@ if TYPE_CHECKING:
 
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Say on standard error what was read, how columns were understood, and how long each part took.",
+    ),
+]
 NOT_REACHED = 4  # exit status of --strict
 INTERRUPTED = 130  # as shells have it: 128 and the number of the signal
 
@@ -30,6 +38,16 @@ INTERRUPTED = 130  # as shells have it: 128 and the number of the signal
 def text_width() -> int:
     """Columns that a text may take: those of the terminal, at most 100; 80 where there is none."""
     return max(min(shutil.get_terminal_size((80, 24)).columns, 100), 40)
+
+
+def of_width(text: Callable[[], str]) -> str:
+    """A text, made for the width of the terminal where it goes to one, for 100 columns elsewhere."""
+    if not sys.stdout.isatty():
+        return text()
+    from ifrfit.report.terminal import as_wide_as
+
+    with as_wide_as(text_width()):
+        return text()
 
 
 class Shown(Protocol):
@@ -49,7 +67,7 @@ def show(
     *,
     as_json: bool,
     quiet: bool,
-    more: str = "",
+    more: Callable[[], str] = str,
     before: str = "",
 ) -> None:
     """Print a result: JSON and nothing else, or text with `more` and the names of the files, or nothing."""
@@ -58,7 +76,7 @@ def show(
 
         typer.echo(dumps(found.to_dict()), nl=False)
     elif not quiet:
-        say(found.summary() + more, out, written, before)
+        say(of_width(lambda: found.summary() + more()), out, written, before)
 
 
 def say(text: str, out: Path | None, written: Sequence[str], before: str = "") -> None:
@@ -108,6 +126,38 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(1) from None
 
     return run
+
+
+@contextlib.contextmanager
+def verbosely(verbose: bool, quiet: bool) -> Iterator[None]:
+    """Say on standard error what the library reports of its work, if that is asked for.
+
+    Raises
+    ------
+    UsageError
+        If silence is asked for, too.
+    """
+    if not verbose:
+        yield
+        return
+    if quiet:
+        raise UsageError("--quiet says nothing and --verbose everything: keep one.")
+    import logging
+
+    class Echo(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            typer.echo(f"ifrfit: {record.getMessage()}", err=True)
+
+    log, handler, begin = logging.getLogger("ifrfit"), Echo(), time.perf_counter()
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+        log.info("all in %.3f s", time.perf_counter() - begin)
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 _PATIENCE = 1.0  # seconds that nothing is shown: short work needs no bar, nor the import of what draws it

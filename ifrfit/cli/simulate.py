@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ifrfit.cli.output import Quiet, command, say, working
+from ifrfit.cli.output import Quiet, command, of_width, say, working
 
 if TYPE_CHECKING:
     from ifrfit.report.simulation.figure import Supplement
@@ -67,4 +67,4 @@ def simulate(
     elif not quiet:
         from ifrfit.report.simulation.text import summary
 
-        say(summary(found, costs), out, written, before)
+        say(of_width(lambda: summary(found, costs)), out, written, before)

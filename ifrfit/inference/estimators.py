@@ -307,7 +307,7 @@ class Profile(PlainErrors):
         from ifrfit.inference.profile.profile_all import profile_all, profile_converged
         from ifrfit.inference.result.estimation import Estimation
 
-        profiles = profile_all(problem, optimum)
+        profiles = profile_all(problem, optimum, progress=asked.get("progress"))
         converged = profile_converged(profiles, noise_converged(optimum))
         return Estimation(self.name, None, {"converged": converged}, profiles=profiles)
 

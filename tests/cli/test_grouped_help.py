@@ -32,7 +32,11 @@ def test_options_stand_in_groups_each_once(cli, command: str) -> None:
     assert list(found) == ["Arguments", "Data", "Model", "Noise", "Method", "Output"]
     for each in options(command):
         flag = re.escape(each.opts[0])
-        homes = [name for name, text in found.items() if re.search(rf"^  {flag}\b(?!-)", text, re.MULTILINE)]
+        homes = [
+            name
+            for name, text in found.items()
+            if re.search(rf"^  (-\w, )?{flag}\b(?!-)", text, re.MULTILINE)
+        ]
         assert len(homes) == 1, flag
 
 
