@@ -205,7 +205,7 @@ class _Bar:
         self._of = of
         self._lock = threading.Lock()
         self._latest: tuple[int, int] | None = None
-        self._begin = time.monotonic()
+        self._first: tuple[int, float] | None = None
         self._shown: Progress | None = None
         self._closed = False
 
@@ -231,13 +231,13 @@ class _Bar:
 
     def update(self, done: int, most: int) -> None:
         """Tell how far it is."""
-        self._latest = (done, most)
+        self._latest, now = (done, most), time.monotonic()
+        since, begin = self._first = self._first or (done, now)
         with self._lock:
             if self._shown is not None:
-                words = (
-                    f"{self._what}: {progress_words(done, most, self._of, time.monotonic() - self._begin)}"
-                )
-                self._shown.update(self._shown.task_ids[0], description=words, completed=done, total=most)
+                words = progress_words(done, most, self._of, done - since, now - begin)
+                told = f"{self._what}: {words}"
+                self._shown.update(self._shown.task_ids[0], description=told, completed=done, total=most)
 
     def close(self) -> None:
         """Take it away."""
@@ -247,12 +247,22 @@ class _Bar:
                 self._shown.stop()
 
 
-def progress_words(done: int, most: int, of: str, seconds: float) -> str:
-    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left"."""
+def progress_words(done: int, most: int, of: str, lately: int, seconds: float) -> str:
+    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left".
+
+    Parameters
+    ----------
+    done, most : int
+    of : str
+        What is counted.
+    lately : int
+        Of those done as many as took `seconds`: what an earlier run kept, and getting ready, is no rate.
+    seconds : float
+    """
     words = f"{done:,} of {most:,} {of}"
-    if done <= 0 or seconds <= 0.0:
+    if lately <= 0 or seconds <= 0.0:
         return words
-    rate = done / seconds
+    rate = lately / seconds
     speed = f"{rate:,.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second"
     left = (most - done) / rate
     remaining = (

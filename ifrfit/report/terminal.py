@@ -120,6 +120,8 @@ def wrapped(sentence: str, hang: int, start: str = "", margin: int = 0) -> list[
 def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: str = "  ") -> list[str]:
     """Rows as lines whose columns line up.
 
+    Where a terminal is too narrow for all columns, the rest follow below, behind the first one again.
+
     Parameters
     ----------
     rows : sequence of sequence of str
@@ -130,8 +132,18 @@ def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: 
         Between columns, and before the first.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    each = [list(zip(row, sides, widths, strict=True)) for row in rows]
-    return [indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in row).rstrip() for row in each]
+    number, wide = 1, len(indent) + sum(widths[:1])
+    while number < len(widths) and (number < 2 or wide + len(gap) + widths[number] <= text_width()):
+        wide += len(gap) + widths[number]
+        number += 1
+    lines = []
+    for row in rows:
+        cells = zip(row[:number], sides, widths, strict=False)
+        lines.append(indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in cells).rstrip())
+    if number == len(widths):
+        return lines
+    rest = [(row[0], *row[number:]) for row in rows]
+    return [*lines, "", *aligned(rest, sides[0] + sides[number:], gap, indent)]
 
 
 def source_lines(result: FitResult) -> list[str]:

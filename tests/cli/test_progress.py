@@ -31,6 +31,8 @@ def test_a_terminal_shows_how_far_how_fast_and_how_long(
     with working(quiet=False, after=0.0) as progress:
         assert progress is not None
         time.sleep(0.5)  # until what draws it is there
+        progress(100, 10_000)
+        time.sleep(0.1)
         progress(200, 10_000)
     out, err = capsys.readouterr()
     assert out == ""
@@ -59,7 +61,11 @@ def test_short_work_shows_nothing_and_imports_nothing(
     ],
 )
 def test_words_of_progress(done: int, most: int, seconds: float, words: str) -> None:
-    assert progress_words(done, most, "steps", seconds) == words
+    assert progress_words(done, most, "steps", done, seconds) == words
+
+
+def test_what_was_there_before_is_no_rate() -> None:
+    assert progress_words(900, 1000, "steps", 100, 10.0) == "900 of 1,000 steps, 10 a second, 10 s left"
 
 
 # the command line, shown at once
