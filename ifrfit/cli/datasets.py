@@ -9,7 +9,7 @@ import typer
 
 from ifrfit.cli.completion import complete_dataset, completer
 from ifrfit.cli.options import Repeated, offered_conventions
-from ifrfit.cli.output import command
+from ifrfit.cli.output import command, fitting
 
 Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_dataset)]
 Convention = Annotated[
@@ -33,9 +33,9 @@ datasets = typer.Typer(
 def datasets_list() -> None:
     """Every dataset with its provenance."""
     from ifrfit.data.catalogue import listing
-    from ifrfit.data.description import listing_lines
+    from ifrfit.data.description import WIDTH, listing_lines
 
-    for line in listing_lines(listing()):
+    for line in listing_lines(listing(), fitting(WIDTH)):
         typer.echo(line)
 
 
@@ -43,9 +43,9 @@ def datasets_list() -> None:
 @command
 def datasets_show(name: Name) -> None:
     """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
-    from ifrfit.data.description import describe
+    from ifrfit.data.description import WIDTH, describe
 
-    for line in describe(name):
+    for line in describe(name, fitting(WIDTH)):
         typer.echo(line)
 
 

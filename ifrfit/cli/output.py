@@ -40,6 +40,11 @@ def text_width() -> int:
     return max(min(shutil.get_terminal_size((80, 24)).columns, 100), 40)
 
 
+def fitting(usual: int) -> int:
+    """The usual columns of a text, or as many as the terminal has where it goes to one."""
+    return min(usual, text_width()) if sys.stdout.isatty() else usual
+
+
 def of_width(text: Callable[[], str]) -> str:
     """A text, made for the width of the terminal where it goes to one, for 100 columns elsewhere."""
     if not sys.stdout.isatty():

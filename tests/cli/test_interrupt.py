@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="process groups 
 
 # the command line, which tells a file when work is under way
 _TOLD = """
-import contextlib, pathlib, sys
+import contextlib, pathlib, signal, sys
 import ifrfit.cli.{module} as module
 from ifrfit.cli.main import main
 
@@ -31,6 +31,7 @@ def working(*_args, **_options):
     yield progress
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
     module.working = working
     sys.argv[0] = "ifrfit"
     main()

@@ -26,7 +26,7 @@ from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.unfinished_run import KEPT
-from ifrfit.inference.workers.worker_processes import interrupts_held, worker_processes
+from ifrfit.inference.workers.worker_processes import interrupts_deferred, worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -160,7 +160,7 @@ def bootstrap(
     except KeyboardInterrupt:
         if keep is None or not parts:
             raise
-        with interrupts_held():
+        with interrupts_deferred():
             found_so_far = concatenate_fits(parts)
             keep_replicates(keep, found_so_far, question)
         done = f"{len(found_so_far.reason):,} replicates"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.moves import moves
 from ifrfit.inference.mcmc.stopping import Evidence, is_met
-from ifrfit.inference.workers.worker_processes import interrupts_held, worker_processes
+from ifrfit.inference.workers.worker_processes import interrupts_deferred, worker_processes
 
 Array = NDArray[np.float64]
 
@@ -206,7 +206,7 @@ def run(
                     return chains, evidence
         except KeyboardInterrupt:
             if keep is not None:
-                with interrupts_held():
+                with interrupts_deferred():
                     keep(_one_after_the_other(walked))
             raise
     return chains, Evidence(target.quantities(chains.at))

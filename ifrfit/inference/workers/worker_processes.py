@@ -52,14 +52,14 @@ def start_processes(workers: int) -> ProcessPoolExecutor:
     pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
     # a process that were first started when work comes could start while another one dies, and Python 3.11's
     # pool would print that it cannot count its processes meanwhile
-    with interrupts_held(), suppress(BrokenProcessPool):
+    with interrupts_deferred(), suppress(BrokenProcessPool):
         for _ in range(workers):
             pool.submit(int)
     return pool
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
+def interrupts_deferred() -> Iterator[None]:
     """Let an interrupt (Ctrl-C) wait until the end of this, and never reach processes that start meanwhile.
 
     A terminal sends it to all processes: those that compute leave it to the one that started them, which
