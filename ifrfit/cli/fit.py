@@ -77,7 +77,8 @@ def fit(
             table = result.intervals() if intervals else None
             written = _write(result, out, force)
     except KeyboardInterrupt as interrupt:
-        kept = "What was found is kept: the same command goes on with it." if unfinished.is_dir() else ""
+        what = "read" if streams else "found"
+        kept = f"What was {what} is kept: the same command goes on." if unfinished.is_dir() else ""
         interrupted(str(interrupt) or kept)
 
     def more() -> str:

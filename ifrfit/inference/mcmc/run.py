@@ -141,6 +141,8 @@ def walk(target: Target, rest: Rest, steps: int) -> Chains:
     """
     walkers, dimensions = rest.at.shape
     sampler = emcee.EnsembleSampler(walkers, dimensions, target, moves=moves(), vectorize=True)
+    # in emcee's own wrapping the density would print whatever interrupts it, on standard output
+    sampler.log_prob_fn = target
     start = emcee.State(rest.at, log_prob=rest.log_density, random_state=rest.random, copy=True)
     sampler.run_mcmc(start, steps, skip_initial_state_check=True)
     at, log_density = sampler.get_chain(), sampler.get_log_prob()
