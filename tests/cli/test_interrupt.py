@@ -165,3 +165,13 @@ def test_a_comparison_keeps_what_is_compared() -> None:
 def test_an_interrupt_before_anything_is_found_says_so() -> None:
     found, _ = interrupt("compare", "cross-2019", "--fix", "e_n=0.94", module="compare", after=1)
     assert (found.returncode, found.stdout, found.stderr) == (130, "", "ifrfit: interrupted.\n")
+
+
+def test_reports_that_were_drawn_are_written_with_an_index_of_them(cli) -> None:
+    for name in ("a", "b", "c"):
+        Path(f"{name}.json").write_text(cli(*FIT, "--method", "lsq", "--json").stdout, encoding="utf-8")
+    found, _ = interrupt("report", "a.json", "b.json", "c.json", "--out", "pages", module="report", after=1)
+    assert (found.returncode, found.stdout) == (130, "")
+    assert found.stderr == "ifrfit: interrupted. 1 of 3 reports are in pages.\n"
+    assert {path.name for path in Path("pages").iterdir()} == {"index.html", "a.html"}
+    assert "b.html" not in Path("pages/index.html").read_text(encoding="utf-8")
