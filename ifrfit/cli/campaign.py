@@ -8,8 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
+from ifrfit.cli.completion import completer
+from ifrfit.cli.grouped_help import DATA, METHOD
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, say, working
+from ifrfit.cli.output import Quiet, interrupted, say, working
 from ifrfit.errors import UsageError
 
 
@@ -19,25 +21,51 @@ def campaign(
     by: Annotated[
         str,
         typer.Option(
-            metavar="NAME,...", help="Columns that form the groups; 'file' is the name of the file."
+            metavar="NAME,...",
+            help="Columns that form the groups; 'file' is the name of the file.",
+            rich_help_panel=DATA,
         ),
     ],
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Write campaign.json, results.parquet and index.html there.")
     ],
-    method: Annotated[str, typer.Option(help="exact, lsq or profile.")] = "exact",
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="exact, lsq or profile.",
+            autocompletion=completer(lambda: ("exact", "lsq", "profile")),
+            rich_help_panel=METHOD,
+        ),
+    ] = "exact",
     facts: Annotated[
         bool,
-        typer.Option("--facts/--no-facts", help="Look for slips, effects and lack of fit in each group."),
+        typer.Option(
+            "--facts/--no-facts",
+            help="Look for slips, effects and lack of fit in each group.",
+            rich_help_panel=METHOD,
+        ),
     ] = True,
     workers: Annotated[
-        int, typer.Option(metavar="N", help="Processes; the results do not depend on them.", min=1)
+        int,
+        typer.Option(
+            metavar="N",
+            help="Processes; the results do not depend on them.",
+            min=1,
+            rich_help_panel=METHOD,
+        ),
     ] = 1,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers fit the groups."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers fit the groups.  [default: none]",
+            rich_help_panel=METHOD,
+        ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished campaign.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an unfinished campaign.", rich_help_panel=METHOD)
+    ] = False,
     force: Annotated[
         bool,
         typer.Option(
@@ -50,11 +78,12 @@ def campaign(
     from ifrfit.campaign.report.folder import CAMPAIGN, write_campaign
     from ifrfit.campaign.report.text import summary
     from ifrfit.campaign.run import run_campaign
-    from ifrfit.report.atomic_folder import check_free
+    from ifrfit.report.atomic_folder import check_free, standing
 
     if question.pop("scene") is not None:
         raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
     check_free(out, force=force, of=CAMPAIGN)
+    before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]
     try:
         with working(quiet, "reading", of="groups") as progress:
@@ -74,7 +103,6 @@ def campaign(
                 **question,
             )
     except KeyboardInterrupt:
-        typer.echo("ifrfit: interrupted. What was found is kept: --resume goes on.", err=True)
-        raise typer.Exit(130) from None
+        interrupted("What was found is kept: --resume goes on.")
     if not quiet:
-        say(summary(found), out, written)
+        say(summary(found), out, written, before)

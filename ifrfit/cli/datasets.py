@@ -7,8 +7,19 @@ from typing import Annotated
 
 import typer
 
-from ifrfit.cli.options import Repeated
-from ifrfit.cli.output import command
+from ifrfit.cli.completion import complete_dataset, completer
+from ifrfit.cli.options import Repeated, offered_conventions
+from ifrfit.cli.output import command, fitting
+
+Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_dataset)]
+Convention = Annotated[
+    Repeated,
+    typer.Option(
+        metavar="NAME=CHOICE",
+        help="How a column is meant; 'ifrfit conventions' lists all.",
+        autocompletion=completer(offered_conventions),
+    ),
+]
 
 datasets = typer.Typer(
     help="Bundled datasets, and your digitisations in their place.",
@@ -22,19 +33,19 @@ datasets = typer.Typer(
 def datasets_list() -> None:
     """Every dataset with its provenance."""
     from ifrfit.data.catalogue import listing
-    from ifrfit.data.description import listing_lines
+    from ifrfit.data.description import WIDTH, listing_lines
 
-    for line in listing_lines(listing()):
+    for line in listing_lines(listing(), fitting(WIDTH)):
         typer.echo(line)
 
 
 @datasets.command("show")
 @command
-def datasets_show(name: str) -> None:
+def datasets_show(name: Name) -> None:
     """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
-    from ifrfit.data.description import describe
+    from ifrfit.data.description import WIDTH, describe
 
-    for line in describe(name):
+    for line in describe(name, fitting(WIDTH)):
         typer.echo(line)
 
 
@@ -42,7 +53,7 @@ def datasets_show(name: str) -> None:
 @command
 def datasets_validate(
     path: Annotated[str, typer.Argument(help="A CSV file or a dataset folder.")],
-    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+    convention: Convention = [],  # noqa: B006
 ) -> None:
     """Read a file or a dataset folder, and say what is in it."""
     from ifrfit.data import read
@@ -62,12 +73,12 @@ def datasets_validate(
 @datasets.command("install")
 @command
 def datasets_install(
-    name: str,
+    name: Name,
     file: Path,
     provenance: Annotated[
         str, typer.Option(help="Where rows do not say it: digitised, published or measured.")
     ] = "digitised",
-    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+    convention: Convention = [],  # noqa: B006
 ) -> None:
     """Put your own digitisation in the place of a bundled dataset."""
     from ifrfit.data.catalogue import install
@@ -80,7 +91,7 @@ def datasets_install(
 
 @datasets.command("remove")
 @command
-def datasets_remove(name: str) -> None:
+def datasets_remove(name: Name) -> None:
     """Take your digitisation away; the bundled dataset is back."""
     from ifrfit.data.catalogue import remove
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import SharedCommand, command_line
-from ifrfit.cli.output import Quiet, insist, show, working
+from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,7 +24,11 @@ def fit(
     question: dict[str, Any],
     intervals: Annotated[
         bool,
-        typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
+        typer.Option(
+            "--intervals",
+            help="Compare intervals by covariance, profile and exact posterior.",
+            rich_help_panel=METHOD,
+        ),
     ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
@@ -32,9 +38,10 @@ def fit(
         bool, typer.Option("--json", help="result.json on standard output, nothing else.")
     ] = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
+        typer.Option("--strict", help="Exit with 4 if a constant is not determined, or a fact fails (LOOK)."),
     ] = False,
 ) -> None:
     """Constants from tables of impacts, with uncertainties."""
@@ -54,32 +61,55 @@ def fit(
     elif streams and out is not None and hasattr(question["method"], "scheduler"):
         # what is read is kept beside the results to be, so that the same command goes on with it
         question["method"] = replace(question["method"], resume=out)
-    if out is not None and not force:
-        from ifrfit.report.atomic_folder import check_free
+    unfinished = _unfinished(out)
+    if hasattr(question["method"], "keep"):
+        question["method"] = replace(question["method"], keep=unfinished)
+    before = ""
+    if out is not None:
+        from ifrfit.report.atomic_folder import check_free, standing
         from ifrfit.report.folder import FIT
 
-        check_free(out, force=False, of=FIT)
-    with working(quiet or as_json, of="rows" if streams else "steps") as progress:
-        try:
+        check_free(out, force=force, of=FIT)
+        before = standing(out, FIT)
+    try:
+        with (
+            verbosely(verbose, quiet),
+            working(quiet or as_json, of="rows" if streams else "steps") as progress,
+        ):
             result = run(**question, progress=progress, command=command_line())
-        except KeyboardInterrupt:
-            kept = out is not None and out.with_name(f"{out.name}.unfinished").is_dir()
-            more = " What was read is kept: the same command goes on." if kept else ""
-            typer.echo(f"ifrfit: interrupted.{more}", err=True)
-            raise typer.Exit(130) from None
-        table = result.intervals() if intervals else None
-        written = _write(result, out, force)
-    more = ""
-    if table is not None:
+            table = result.intervals() if intervals else None
+            written = _write(result, out, force)
+    except KeyboardInterrupt as interrupt:
+        what = "read" if streams else "found"
+        kept = f"What was {what} is kept: the same command goes on." if unfinished.is_dir() else ""
+        interrupted(str(interrupt) or kept)
+
+    def more() -> str:
+        if table is None:
+            return ""
         from ifrfit.report import side_by_side
 
-        more = f"\n\n{side_by_side(table)}"
-    show(result, out, written, as_json=as_json, quiet=quiet, more=more)
+        return f"\n\n{side_by_side(table)}"
+
+    show(result, out, written, as_json=as_json, quiet=quiet, more=more, before=before)
+    if hasattr(question["method"], "keep"):
+        from ifrfit.inference.unfinished_run import remove_unfinished
+
+        remove_unfinished(unfinished)
     if strict:
         open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
+        from ifrfit.report.sentences import failing_facts
+
         reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
-        converged = result.facts["converged"]
-        insist([*reasons, *([] if converged.ok else [converged.says])])
+        insist([*reasons, *(fact.says for fact in failing_facts(result).values())])
+
+
+def _unfinished(out: Path | None) -> Path:
+    """Where a run that is interrupted keeps what it found: beside its results, else here, by its command."""
+    if out is not None:
+        place = out.resolve()
+        return place.with_name(f"{place.name}.unfinished")
+    return Path(f"ifrfit-{hashlib.sha256(command_line().encode()).hexdigest()[:8]}.unfinished")
 
 
 def _streams(data: list[str]) -> bool:

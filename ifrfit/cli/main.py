@@ -20,8 +20,9 @@ from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.fit import fit
+from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
-from ifrfit.cli.output import command, status
+from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError
@@ -50,7 +51,7 @@ def _alone(shared: SharedCommand) -> typer.Typer:
     made = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
     run: Any = command(shared)
     run.__signature__ = shared.__signature__  # once: typer would make it of all registries four times
-    made.command()(run)
+    made.command(cls=GroupedCommand, context_settings=WIDEST)(run)
     return made
 
 
@@ -65,7 +66,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
+    context_settings=WIDEST,
 )
 app.add_typer(datasets, name="datasets")
 
@@ -118,6 +119,16 @@ def template(
     from ifrfit.data import template_text
 
     typer.echo(template_text(raw), nl=False)
+
+
+@app.command()
+@command
+def conventions() -> None:
+    """How tables may be written, and how to say it: --convention, with an example of each."""
+    from ifrfit.data.convention_meanings import convention_lines
+
+    for line in convention_lines(text_width()):
+        typer.echo(line)
 
 
 @app.command()

@@ -6,17 +6,22 @@ import functools
 import inspect
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from ifrfit.cli.completion import complete_data, completer
+from ifrfit.cli.grouped_help import DATA, METHOD, MODEL, NOISE
 from ifrfit.errors import UsageError
 from ifrfit.inference.option_fields import Form, Option, build, options_of
 
 Repeated = list[str]
-Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
+Data = Annotated[
+    Repeated,
+    typer.Argument(metavar="DATA", help="Files, or names of bundled datasets.", autocompletion=complete_data),
+]
 
 
 def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
@@ -82,20 +87,62 @@ def command_line() -> str:
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
+def words(given: Sequence[str]) -> list[str]:
+    """Names that were given one by one or with commas between."""
+    return [word.strip() for text in given for word in text.split(",") if word.strip()]
+
+
+def _observables() -> Iterable[str]:
+    from ifrfit.physics.observables import OBSERVABLES
+
+    return OBSERVABLES
+
+
+def offered_conventions() -> Iterable[str]:
+    """Conventions whose choice is a word."""
+    from ifrfit.data.convention_meanings import WORDS
+
+    return WORDS
+
+
 # options of the rows that are used, and of the run
 _ROWS = (
-    Option("Use only this observable.", "names", "NAME", "observable"),
-    Option("Use only this series.", "names", "NAME", "series"),
-    Option("Use only impacts at this angle or more.", "number", "DEG", "gamma_min"),
-    Option("Use only impacts at this angle or less.", "number", "DEG", "gamma_max"),
-    Option("Use only impacts at this speed or more.", "number", "M_S", "speed_min"),
-    Option("Use only impacts at this speed or less.", "number", "M_S", "speed_max"),
+    Option(
+        "Use only these observables.",
+        "words",
+        "NAME,...",
+        "observable",
+        unset="all, or as the dataset says",
+        choices=_observables,
+    ),
+    Option("Use only this series.", "names", "NAME", "series", unset="all, or as the dataset says"),
+    Option("Use only impacts at this angle or more.", "number", "DEG", "gamma_min", unset="0"),
+    Option("Use only impacts at this angle or less.", "number", "DEG", "gamma_max", unset="90"),
+    Option("Use only impacts at this speed or more.", "number", "M_S", "speed_min", unset="any"),
+    Option("Use only impacts at this speed or less.", "number", "M_S", "speed_max", unset="any"),
     Option("Leave out a line of the file, FILE:LINE, or an impact.", "names", "ROW|ID", "exclude"),
     Option("Count faces of the same impacts as independent.", "flag", None, "independent", False),
-    Option("How a column is meant, as angle=alpha_deg:from-wall.", "names", "NAME=CHOICE", "convention"),
+    Option(
+        "How a column is meant; 'ifrfit conventions' lists all.",
+        "names",
+        "NAME=CHOICE",
+        "convention",
+        choices=offered_conventions,
+    ),
 )
-_SCENE = Option("What hit what, to see which effects that calls for.", "path", "SCENE.toml", "scene")
-_Seed = Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)]
+_SCENE = Option(
+    "What hit what, to see which effects that calls for.",
+    "path",
+    "SCENE.toml",
+    "scene",
+    unset="as the dataset says",
+)
+_Seed = Annotated[
+    int,
+    typer.Option(
+        metavar="N", help="Seed of the random draws behind the bands.", min=0, rich_help_panel=METHOD
+    ),
+]
 
 
 class SharedCommand:
@@ -130,18 +177,18 @@ class SharedCommand:
 
     @property
     def __signature__(self) -> inspect.Signature:
-        """Data, model, method, noise, rows, the method's options, the run, and the command's own options."""
+        """Data, model, noise, method, and the command's own options."""
         from ifrfit.inference.estimators import method_options
         from ifrfit.inference.options import Noise
 
-        parts = [_keyword("data", Data, inspect.Parameter.empty), *map(_parameter, self._model().values())]
+        parts = [_keyword("data", Data, inspect.Parameter.empty)]
+        parts += (_parameter(each, DATA) for each in (*_ROWS, _SCENE))
+        parts += (_parameter(each, MODEL) for each in self._model().values())
+        parts += (_parameter(each, NOISE) for each in options_of(Noise).values())
         if self._methods:
             parts.append(_method())
-        parts += map(_parameter, options_of(Noise).values())
-        parts += map(_parameter, _ROWS)
-        if self._methods:
-            parts += map(_parameter, method_options().values())
-        parts += (_parameter(_SCENE), _keyword("seed", _Seed, 0))
+            parts += (_parameter(each, METHOD) for each in method_options().values())
+        parts.append(_keyword("seed", _Seed, 0))
         hints = get_type_hints(self._run, include_extras=True)
         own = inspect.signature(self._run).parameters
         parts += (_keyword(name, hints[name], own[name].default) for name in own if name != "question")
@@ -157,6 +204,7 @@ class SharedCommand:
         question = {
             key: given.pop(key) for key in ("data", *(each.keyword for each in _ROWS), "scene", "seed")
         }
+        question["observable"] = words(question["observable"])
         question["model"] = build(Model, values)
         question["noise"] = build(Noise, values)
         if self._methods:
@@ -171,6 +219,7 @@ _FORMS: Mapping[Form, Any] = {
     "integer": int | None,
     "path": Path | None,
     "names": Repeated,
+    "words": Repeated,
     "values": Repeated,
     "pairs": Repeated,
     "priors": Repeated,
@@ -179,23 +228,49 @@ _FORMS: Mapping[Form, Any] = {
 }
 
 
-def _parameter(option: Option) -> inspect.Parameter:
+# what stands for the value in the help text where the option does not say
+_METAVARS: Mapping[Form, str] = {"text": "NAME", "number": "X", "integer": "N", "path": "PATH"}
+
+
+def _parameter(option: Option, group: str) -> inspect.Parameter:
     annotation, default = _FORMS[option.form], option.default
     if annotation is Repeated:
         default = []
     elif default is not None:
         annotation = type(default)
     names = (option.flag,) if option.form == "flag" else ()
-    info = typer.Option(*names, metavar=option.metavar, help=option.help)
+    complete = completer(option.choices, option.form) if option.choices else None
+    info = typer.Option(
+        *names,
+        metavar=option.metavar or _METAVARS.get(option.form),
+        help=_with_default(option),
+        show_default=False,
+        autocompletion=complete,
+        rich_help_panel=group,
+    )
     return _keyword(option.keyword, Annotated[annotation, info], default)
 
 
+def _with_default(option: Option) -> str:
+    """The help of an option, with what holds where it is not given."""
+    if option.form == "flag":
+        return option.help
+    often = "repeatable; " if _FORMS[option.form] is Repeated else ""
+    default = str(option.default) if isinstance(option.default, str | int | float) else option.unset or "none"
+    return f"{option.help}  [{often}default: {default}]"
+
+
 def _method() -> inspect.Parameter:
-    from ifrfit.inference.estimators import ESTIMATORS
+    from ifrfit.inference.estimators import ESTIMATORS, Exact
 
     said = [f"{name}: {each.summary}" for name, each in ESTIMATORS.items()]
-    said[0] = said[0].replace(":", " (the default):", 1)
-    info = typer.Option(help=f"{'; '.join(said)}.")
+    info = typer.Option(
+        metavar="NAME",
+        help=f"{'; '.join(said)}.  [default: {Exact.name}]",
+        show_default=False,
+        autocompletion=completer(lambda: ESTIMATORS),
+        rich_help_panel=METHOD,
+    )
     return _keyword("method", Annotated[str | None, info], None)
 
 
@@ -210,4 +285,6 @@ def _read(option: Option, value: Any) -> Any:
         return pairs(option.flag, value, str(option.metavar))
     if option.form == "priors":
         return priors(option.flag, value, str(option.metavar))
+    if option.form == "words":
+        return words(value)
     return ends(option.flag, value) if option.form == "range" else value

@@ -5,21 +5,54 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import shutil
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
-from ifrfit.errors import IfrfitError
+from ifrfit.errors import IfrfitError, UsageError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
     from rich.status import Status
 
 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        help="Say on standard error what was read, how columns were understood, and how long each part took.",
+    ),
+]
 NOT_REACHED = 4  # exit status of --strict
+INTERRUPTED = 130  # as shells have it: 128 and the number of the signal
+
+
+def text_width() -> int:
+    """Columns that a text may take: those of the terminal, at most 100; 80 where there is none."""
+    return max(min(shutil.get_terminal_size((80, 24)).columns, 100), 40)
+
+
+def fitting(usual: int) -> int:
+    """The usual columns of a text, or as many as the terminal has where it goes to one."""
+    return min(usual, text_width()) if sys.stdout.isatty() else usual
+
+
+def of_width(text: Callable[[], str]) -> str:
+    """A text, made for the width of the terminal where it goes to one, for 100 columns elsewhere."""
+    if not sys.stdout.isatty():
+        return text()
+    from ifrfit.report.terminal import as_wide_as
+
+    with as_wide_as(text_width()):
+        return text()
 
 
 class Shown(Protocol):
@@ -33,7 +66,14 @@ class Shown(Protocol):
 
 
 def show(
-    found: Shown, out: Path | None, written: Sequence[str], *, as_json: bool, quiet: bool, more: str = ""
+    found: Shown,
+    out: Path | None,
+    written: Sequence[str],
+    *,
+    as_json: bool,
+    quiet: bool,
+    more: Callable[[], str] = str,
+    before: str = "",
 ) -> None:
     """Print a result: JSON and nothing else, or text with `more` and the names of the files, or nothing."""
     if as_json:
@@ -41,21 +81,29 @@ def show(
 
         typer.echo(dumps(found.to_dict()), nl=False)
     elif not quiet:
-        say(found.summary() + more, out, written)
+        say(of_width(lambda: found.summary() + more()), out, written, before)
 
 
-def say(text: str, out: Path | None, written: Sequence[str]) -> None:
-    """Print a text and the names of the files."""
+def say(text: str, out: Path | None, written: Sequence[str], before: str = "") -> None:
+    """Print a text, the names of the files, and what became of what lay there before."""
     typer.echo(text)
     if written:
         typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+    if written and before:
+        typer.echo(f"         {before}")
 
 
 def insist(reasons: Sequence[str]) -> None:
     """Leave with status 4, saying why, if there is a reason."""
     if reasons:
-        typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
+        typer.echo(f"ifrfit: --strict: {'; '.join(reason.rstrip('.') for reason in reasons)}.", err=True)
         raise typer.Exit(NOT_REACHED)
+
+
+def interrupted(kept: str) -> NoReturn:
+    """Leave as one does after Ctrl-C, saying what is kept."""
+    typer.echo(f"ifrfit: interrupted. {kept}".rstrip(), err=True)
+    raise typer.Exit(INTERRUPTED) from None
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:
@@ -86,10 +134,54 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
 
 
 @contextlib.contextmanager
+def verbosely(verbose: bool, quiet: bool) -> Iterator[None]:
+    """Say on standard error what the library reports of its work, if that is asked for.
+
+    Raises
+    ------
+    UsageError
+        If silence is asked for, too.
+    """
+    if not verbose:
+        yield
+        return
+    if quiet:
+        raise UsageError("--quiet says nothing and --verbose everything: keep one.")
+    import logging
+
+    class Echo(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            typer.echo(f"ifrfit: {record.getMessage()}", err=True)
+
+    log, handler, begin = logging.getLogger("ifrfit"), Echo(), time.perf_counter()
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+        log.info("all in %.3f s", time.perf_counter() - begin)
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
+
+
+_PATIENCE = 1.0  # seconds that nothing is shown: short work needs no bar, nor the import of what draws it
+
+
+@contextlib.contextmanager
 def working(
-    quiet: bool, what: str = "fitting", of: str = "steps"
+    quiet: bool, what: str = "fitting", of: str = "steps", *, after: float = _PATIENCE
 ) -> Iterator[Callable[[int, int], None] | None]:
-    """Show that work goes on, on standard error if that is a terminal.
+    """Show that work goes on, with its rate and the time left, on standard error if that is a terminal.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether nobody wants to see it.
+    what, of : str
+        What is done, and what is counted: "fitting", "steps".
+    after : float
+        Seconds until it is shown.
 
     Yields
     ------
@@ -99,20 +191,93 @@ def working(
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+    bar = _Bar(what, of)
+    timer = threading.Timer(after, bar.show)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield bar.update
+    finally:
+        timer.cancel()
+        bar.close()
 
-    shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*shown, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
 
-        def progress(done: int, most: int) -> None:
-            speed = bar.tasks[0].speed
-            rate = f", {speed:,.0f} a second" if speed else ""
-            words = f"{done:,} {of}, {most:,} at most{rate}"
-            bar.update(task, description=words, completed=done, total=most)
+class _Bar:
+    """A line of progress that appears when it is asked to, from whichever thread."""
 
-        yield progress
+    def __init__(self, what: str, of: str) -> None:
+        self._what = what
+        self._of = of
+        self._lock = threading.Lock()
+        self._latest: tuple[int, int] | None = None
+        self._first: tuple[int, float] | None = None
+        self._shown: Progress | None = None
+        self._closed = False
+
+    def show(self) -> None:
+        """Draw it from now on."""
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        with self._lock:
+            if self._closed:
+                return
+            columns = (
+                SpinnerColumn(),
+                TextColumn("{task.description}"),
+                BarColumn(bar_width=20),
+                TimeElapsedColumn(),
+            )
+            self._shown = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._shown.add_task(self._what, total=None)
+            self._shown.start()
+        if self._latest is not None:
+            self.update(*self._latest)
+
+    def update(self, done: int, most: int) -> None:
+        """Tell how far it is."""
+        self._latest, now = (done, most), time.monotonic()
+        since, begin = self._first = self._first or (done, now)
+        with self._lock:
+            if self._shown is not None:
+                words = progress_words(done, most, self._of, done - since, now - begin)
+                told = f"{self._what}: {words}"
+                self._shown.update(self._shown.task_ids[0], description=told, completed=done, total=most)
+
+    def close(self) -> None:
+        """Take it away."""
+        with self._lock:
+            self._closed = True
+            if self._shown is not None:
+                self._shown.stop()
+
+
+def progress_words(done: int, most: int, of: str, lately: int, seconds: float) -> str:
+    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left".
+
+    Parameters
+    ----------
+    done, most : int
+    of : str
+        What is counted.
+    lately : int
+        Of those done as many as took `seconds`: what an earlier run kept, and getting ready, is no rate.
+    seconds : float
+    """
+    words = f"{done:,} of {most:,} {of}"
+    if lately <= 0 or seconds <= 0.0:
+        return words
+    rate = lately / seconds
+    speed = f"{rate:,.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second"
+    left = (most - done) / rate
+    remaining = (
+        f"{left:.0f} s left"
+        if left < 100.0
+        else f"{left / 60.0:.0f} min left"
+        if left < 6000.0
+        else f"{left / 3600.0:.0f} h left"
+    )
+    return f"{words}, {speed}, {remaining}" if most > done else f"{words}, {speed}"
 
 
 def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ifrfit.cli.output import Quiet, status
+from ifrfit.cli.output import Quiet, interrupted, working
 from ifrfit.errors import UsageError
 
 
@@ -61,7 +61,7 @@ def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: 
             raise UsageError(f"--out {out} does not end in .{form}, as --format says: change one of them.")
     check_report(target, force=force)
     result = load_result(path)
-    with status(quiet, "drawing"):
+    with working(quiet, "drawing"):
         write_report(result, appraise(result), target, force=force)
     return str(target)
 
@@ -74,11 +74,16 @@ def _batch(paths: list[Path], out: Path | None, form: str, force: bool, quiet: b
     from ifrfit.report.page import write_batch
 
     loaded = [(path, load_result(path)) for path in paths]
-    with status(quiet, "drawing") as shown:
+    told: list[str] = []
+    try:
+        with working(quiet, "drawing", "reports") as shown:
 
-        def progress(name: str) -> None:
-            if shown is not None:
-                shown.update(f"drawing {name}")
+            def progress(name: str) -> None:
+                if shown is not None and told:
+                    shown(len(told), len(loaded))
+                told.append(name)
 
-        names = write_batch(loaded, appraise, out, suffix=form, force=force, progress=progress)
+            names = write_batch(loaded, appraise, out, suffix=form, force=force, progress=progress)
+    except KeyboardInterrupt as interrupt:
+        interrupted(str(interrupt))
     return f"{out}/  {names[0]} and {len(names) - 1} reports"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ifrfit.cli.output import Quiet, command, say, working
+from ifrfit.cli.output import Quiet, command, of_width, say, working
 
 if TYPE_CHECKING:
     from ifrfit.report.simulation.figure import Supplement
@@ -41,11 +41,13 @@ def simulate(
     """Rebounds of a scene, with only the effects that it calls for."""
     from ifrfit.simulation.simulate import simulate as run
 
-    if out is not None and not force:
-        from ifrfit.report.atomic_folder import check_free
+    before = ""
+    if out is not None:
+        from ifrfit.report.atomic_folder import check_free, standing
         from ifrfit.report.simulation.figure import SIMULATION
 
-        check_free(out, force=False, of=SIMULATION)
+        check_free(out, force=force, of=SIMULATION)
+        before = standing(out, SIMULATION)
     costs: Supplement | None = None
     written: list[str] = []
     with working(quiet or as_json, "simulating"):
@@ -65,4 +67,4 @@ def simulate(
     elif not quiet:
         from ifrfit.report.simulation.text import summary
 
-        say(summary(found, costs), out, written)
+        say(of_width(lambda: summary(found, costs)), out, written, before)

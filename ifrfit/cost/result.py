@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = tuple(f"cost-{kind}.{suffix}" for kind in KINDS for suffix in SUFFIXES)
-COSTS = Contents("cost.csv", FIGURES, "measurement of costs")
+COSTS = Contents("cost.csv", FIGURES, "measurement of costs", {"cost.csv": "kind,method,setting,"})
 SCHEMA = "ifrfit/cost/1"
 
 # as in result.json

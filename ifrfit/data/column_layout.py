@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,6 +71,16 @@ class Layout:
     def header(self, key: str, otherwise: str = "") -> str:
         """Return the header of a column as it stands in the file."""
         return self.columns[key].header if key in self.columns else otherwise or key
+
+    def lines(self) -> Iterator[str]:
+        """How each column is understood, in words."""
+        for column in self.columns.values():
+            said = [] if column.unit in (None, "1") else [str(column.unit)]
+            if column.key in ("gamma", "tan_gamma"):
+                said.append(self.angle_from.replace("from-", "from the "))
+            if column.sign < 0.0:
+                said.append("with the other sign")
+            yield f"column '{column.header}' is {column.key}" + (f" ({', '.join(said)})" if said else "")
 
     def texts(self, key: str) -> list[str]:
         """Return a column of text; empty strings if the table has none."""

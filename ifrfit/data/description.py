@@ -15,8 +15,8 @@ WIDTH = 88
 KEY = 13  # columns of a key
 
 
-def describe(name: str) -> list[str]:
-    """Everything `ifrfit datasets show` tells about a dataset, as lines wrapped to `WIDTH` columns.
+def describe(name: str, width: int = WIDTH) -> list[str]:
+    """Everything `ifrfit datasets show` tells about a dataset, as lines of so many columns.
 
     Raises
     ------
@@ -49,8 +49,8 @@ def describe(name: str) -> list[str]:
         remedy = f"ifrfit datasets install {d.name} FILE puts your own digitisation in its place"
         entries.append(("replace it", [remedy]))
     # a word longer than a line (a hash, an address) stays whole
-    head = textwrap.wrap(f"{d.name}: {d.title}", WIDTH, subsequent_indent="  ", break_long_words=False)
-    return head + [line for key, items in entries for line in _entry(key, items)]
+    head = textwrap.wrap(f"{d.name}: {d.title}", width, subsequent_indent="  ", break_long_words=False)
+    return head + [line for key, items in entries for line in _entry(key, items, width)]
 
 
 def _rows(data: Observations) -> list[str]:
@@ -62,7 +62,7 @@ def _rows(data: Observations) -> list[str]:
     return [f"{label}: {', '.join(found)}" for label, found in counts.items()]
 
 
-def listing_lines(entries: Iterable[Entry]) -> list[str]:
+def listing_lines(entries: Iterable[Entry], width: int = WIDTH) -> list[str]:
     """Return `ifrfit datasets list` as lines: name, provenance and title in columns, then what to do next."""
     rows = []
     for each in entries:
@@ -75,7 +75,7 @@ def listing_lines(entries: Iterable[Entry]) -> list[str]:
     lines = []
     for name, kind, title in rows:
         start = f"{name:<{names}}  {kind:<{wide}}  "
-        lines += _wrapped(title, start, " " * len(start))
+        lines += _wrapped(title, start, " " * len(start), width)
     told = ["'ifrfit datasets show NAME' tells more, 'ifrfit fit NAME' fits one."]
     if any(kind == STAND_IN for _, kind, _ in rows):
         told.append(
@@ -83,13 +83,13 @@ def listing_lines(entries: Iterable[Entry]) -> list[str]:
             "says nothing about the experiment. 'ifrfit datasets install NAME FILE' puts your own "
             "digitisation in its place."
         )
-    return [*lines, "", *(line for sentence in told for line in _wrapped(sentence, "", ""))]
+    return [*lines, "", *(line for sentence in told for line in _wrapped(sentence, "", "", width))]
 
 
-def _wrapped(text: str, first: str, rest: str) -> list[str]:
+def _wrapped(text: str, first: str, rest: str, width: int) -> list[str]:
     return textwrap.wrap(
         text,
-        WIDTH,
+        width,
         initial_indent=first,
         subsequent_indent=rest,
         break_long_words=False,
@@ -97,13 +97,13 @@ def _wrapped(text: str, first: str, rest: str) -> list[str]:
     )
 
 
-def _entry(key: str, items: Sequence[str]) -> list[str]:
+def _entry(key: str, items: Sequence[str], width: int) -> list[str]:
     """Write the items of an entry under each other; the key stands before the first."""
     lines = []
     for number, item in enumerate(items):
         start = f"{key if number == 0 else '':<{KEY}} "
         # where there are several, the next one is told from the next line of this one
-        lines += _wrapped(item, start, " " * (KEY + (3 if len(items) > 1 else 1)))
+        lines += _wrapped(item, start, " " * (KEY + (3 if len(items) > 1 else 1)), width)
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,8 @@ from ifrfit.data.tabular import read_cells
 from ifrfit.data.validate import drop_missing, refuse_restarted_impacts, refuse_summary_rows, validate
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
+
+_LOG = logging.getLogger(__name__)
 
 
 class NothingMeasuredError(DataError):
@@ -109,6 +112,9 @@ def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4)
     if not (math.isfinite(inertia_factor) and inertia_factor > 0):
         raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
     layout = identify(cells, conventions)
+    if _LOG.isEnabledFor(logging.INFO):
+        for line in layout.lines():
+            _LOG.info("%s: %s", cells.file, line)
     refuse_summary_rows(layout)
     pieces = _read_form(layout, inertia_factor)
     kept: list[Piece] = []

@@ -6,7 +6,7 @@ computes stands in modules of its own, which `run` imports.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypedDict, Unpack, runtime_checkable
@@ -136,6 +136,7 @@ def _accuracy() -> Any:
         "Largest error of mean, sd and interval, in posterior sd: picks method and settings.",
         form="number",
         metavar="SD",
+        unset="the method's own",
     )
 
 
@@ -146,6 +147,12 @@ def _budget() -> Any:
 def _workers() -> Any:
     says = "Processes, for mcmc, bootstrap and data not held in memory; no number depends on them."
     return option(1, says, form="integer", metavar="N", least=1)
+
+
+def _schemes() -> Iterable[str]:
+    from ifrfit.inference.bootstrap.schemes import SCHEMES
+
+    return SCHEMES
 
 
 def _scheduler() -> Any:
@@ -221,7 +228,11 @@ class Exact(Method):
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()
     integrator: str | None = option(
-        None, "exact: automatic (default), quadrature or sampling (importance sampling).", metavar="NAME"
+        None,
+        "exact: automatic, quadrature or sampling (importance sampling).",
+        metavar="NAME",
+        unset="automatic",
+        choices=lambda: _INTEGRATORS,
     )
     workers: int = _workers()
     scheduler: str | None = _scheduler()
@@ -330,7 +341,7 @@ class Profile(PlainErrors):
         from ifrfit.inference.profile.profile_all import profile_all, profile_converged
         from ifrfit.inference.result.estimation import Estimation
 
-        profiles = profile_all(problem, optimum)
+        profiles = profile_all(problem, optimum, progress=asked.get("progress"))
         converged = profile_converged(profiles, noise_converged(optimum))
         return Estimation(self.name, None, {"converged": converged}, profiles=profiles)
 
@@ -353,6 +364,8 @@ class MCMC(Method):
         As of `Exact`: largest standard error.
     budget : float, str or None
         As of `Exact`.
+    keep : str, Path or None
+        Folder in which chains are kept where the run is interrupted, and from which the same one goes on.
 
     Raises
     ------
@@ -374,12 +387,13 @@ class MCMC(Method):
     label: ClassVar[str] = "MCMC"
     summary: ClassVar[str] = "Markov chains"
     max_steps: int | None = option(
-        None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N", least=1
+        None, "mcmc: most steps.", form="integer", metavar="N", least=1, unset="10000"
     )
     resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
     workers: int = _workers()
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()
+    keep: str | Path | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -400,7 +414,14 @@ class MCMC(Method):
         if self.accuracy is not None or self.budget is not None:
             request = make_request(self.accuracy, self.budget, asked.get("started"))
             return as_requested(
-                problem, optimum, request, [self.name], seed=seed, workers=self.workers, progress=progress
+                problem,
+                optimum,
+                request,
+                [self.name],
+                seed=seed,
+                workers=self.workers,
+                keep=None if self.keep is None else Path(self.keep),
+                progress=progress,
             )
         found = sample(
             problem,
@@ -409,6 +430,7 @@ class MCMC(Method):
             max_steps=MAX_STEPS if self.max_steps is None else self.max_steps,
             workers=self.workers,
             resume=None if self.resume is None else Path(self.resume),
+            keep=None if self.keep is None else Path(self.keep),
             progress=progress,
         )
         return sample_estimation(found, optimum)
@@ -427,6 +449,8 @@ class Bootstrap(PlainErrors):
         Experiments drawn; 1,000 by default.
     workers : int
         As of `MCMC`.
+    keep : str, Path or None
+        Folder in which replicates are kept where the run is interrupted, and from which the same one goes on.
 
     Examples
     --------
@@ -442,14 +466,17 @@ class Bootstrap(PlainErrors):
     summary: ClassVar[str] = "fits of experiments drawn anew"
     scheme: str | None = option(
         None,
-        "bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
+        "bootstrap: what is drawn anew: cases (impacts), residual, wild or wild-mammen.",
         metavar="SCHEME",
         keyword="resample",
+        unset="cases",
+        choices=_schemes,
     )
     replicates: int | None = option(
-        None, "bootstrap: experiments drawn, 1000 by default.", form="integer", metavar="N"
+        None, "bootstrap: experiments drawn.", form="integer", metavar="N", unset="1000"
     )
     workers: int = _workers()
+    keep: str | Path | None = None
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""
@@ -463,6 +490,7 @@ class Bootstrap(PlainErrors):
             replicates=REPLICATES if self.replicates is None else self.replicates,
             seed=asked.get("seed", 0),
             workers=self.workers,
+            keep=None if self.keep is None else Path(self.keep),
             progress=asked.get("progress"),
         )
         return estimation_of(found, optimum)

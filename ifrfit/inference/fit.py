@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +45,8 @@ Data = str | Path | Observations | Table
 
 if TYPE_CHECKING:
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
+
+_LOG = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
 
@@ -328,8 +332,13 @@ def make_question(
     UsageError, DataError
         As `fit`.
     """
+    begin = time.perf_counter()
     observations = gather(data, keywords.get("convention", ()), model.inertia_factor)
     observations = select(observations, selection_of(keywords))
+    for source in observations.sources:
+        left_out = "".join(f"; {count} {reason}" for reason, count in source.rows_skipped.items())
+        _LOG.info("%s: %d of %d rows are used%s", source.name, source.rows_used, source.rows, left_out)
+    _LOG.info("read and selected in %.3f s", time.perf_counter() - begin)
     stated = model.inertia_factor
     inertia_factor = stated if stated is not None else _inertia_factor(observations)
     check_form("--seed", "integer", seed)
@@ -379,10 +388,17 @@ def fit_problem(
     )
     if reason:
         raise UsageError(reason)
+    begin = time.perf_counter()
     optimum = least_squares(problem)
+    _LOG.info("closure %s: optimum in %.3f s", problem.closure.title, time.perf_counter() - begin)
     summary = summarize_optimum(problem, optimum, conditions)
+    begin = time.perf_counter()
     estimation = estimator.run(problem, optimum, seed=seed, progress=progress, started=started)
-    return build_result(
+    _LOG.info(
+        "closure %s: %s in %.3f s", problem.closure.title, estimation.method, time.perf_counter() - begin
+    )
+    begin = time.perf_counter()
+    found = build_result(
         problem,
         optimum,
         estimation,
@@ -392,6 +408,8 @@ def fit_problem(
         assumed=assumed,
         summary=summary,
     )
+    _LOG.info("closure %s: facts in %.3f s", problem.closure.title, time.perf_counter() - begin)
+    return found
 
 
 def gather(

@@ -7,7 +7,7 @@ heavy, because ``ifrfit fit --help`` needs it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from numbers import Integral, Real
 from os import PathLike
@@ -15,7 +15,11 @@ from typing import Any, Literal, TypeVar
 
 from ifrfit.errors import UsageError
 
-Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "priors", "range", "flag"]
+Form = Literal[
+    "text", "number", "integer", "path", "names", "words", "values", "pairs", "priors", "range", "flag"
+]
+
+Choices = Callable[[], Iterable[str]]
 
 _KEY, _NESTED = "option", "options"
 
@@ -29,9 +33,9 @@ class Option:
     help : str
         One sentence for the help text.
     form : str
-        How it is written on the command line. names: NAME, repeatable; values: NAME=VALUE, repeatable; pairs:
-        NAME=A,B, repeatable; priors: these, or NAME=LAW:A,B; range: LO,HI; flag: no value; text, number,
-        integer and path: one such word.
+        How it is written on the command line. names: NAME, repeatable; words: NAME,NAME, repeatable, of names
+        that hold no comma; values: NAME=VALUE, repeatable; pairs: NAME=A,B, repeatable; priors: these, or
+        NAME=LAW:A,B; range: LO,HI; flag: no value; text, number, integer and path: one such word.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
@@ -40,6 +44,10 @@ class Option:
         Of the field.
     least : int or None
         Smallest value of a number.
+    unset : str
+        What holds where it is not given and has no default, in a few words.
+    choices : callable or None
+        Gives the words that it takes, where these are known: it is asked no sooner than they are needed.
     """
 
     help: str
@@ -48,6 +56,8 @@ class Option:
     keyword: str = ""
     default: object = None
     least: int | None = None
+    unset: str = ""
+    choices: Choices | None = None
 
     @property
     def flag(self) -> str:
@@ -69,9 +79,11 @@ def option(
     metavar: str | None = None,
     keyword: str = "",
     least: int | None = None,
+    unset: str = "",
+    choices: Choices | None = None,
 ) -> Any:
     """A field of a dataclass that is an option; the arguments are those of `Option`."""
-    metadata = {_KEY: Option(help, form, metavar, keyword, least=least)}
+    metadata = {_KEY: Option(help, form, metavar, keyword, least=least, unset=unset, choices=choices)}
     if isinstance(default, dict):
         return field(default_factory=dict, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -185,6 +197,7 @@ _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
     "integer": (lambda value: _is_number(value) and isinstance(value, Integral), "", "a whole number"),
     "path": (lambda value: isinstance(value, str | PathLike), "", "a path"),
     "names": (_is_names, "", "a name or several names"),
+    "words": (_is_names, "", "a name or several names"),
     "values": (lambda value: False, "a number", 'a mapping of constants to numbers, as {"e_n": 0.94}'),
     "pairs": (
         lambda value: False,

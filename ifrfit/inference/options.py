@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.error_model import ErrorModel
+from ifrfit.inference.model.error_model import ANGLES, ErrorModel
 from ifrfit.inference.option_fields import Options, nested, option
 
 if TYPE_CHECKING:
@@ -21,6 +21,28 @@ POLICIES = ("known", "scaled", "unknown", "mixed")
 NOISE = "noise"  # among the names that may be separate
 
 Range = tuple[float, float]
+
+
+def _closures() -> Iterable[str]:
+    from ifrfit.physics.closures import CLOSURES
+
+    return CLOSURES
+
+
+def _constants() -> Iterable[str]:
+    from ifrfit.physics.closures import CLOSURES
+
+    return dict.fromkeys(name for closure in CLOSURES.values() for name in closure.constants)
+
+
+def _separable() -> Iterable[str]:
+    return (*_constants(), NOISE)
+
+
+def _tails() -> Iterable[str]:
+    from ifrfit.inference.model.error_law import ERROR_LAWS
+
+    return ERROR_LAWS
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,20 +78,36 @@ class Model(Options):
     'determined'
     """
 
-    closure: str = option("ifr", "ifr, fr, f, ifr-contact, maw; any other word lists all.")
+    closure: str = option(
+        "ifr", "ifr, fr, f, ifr-contact, maw; any other word lists all.", metavar="NAME", choices=_closures
+    )
     _: KW_ONLY
-    fix: Mapping[str, float] = option({}, "A constant that you know.", form="values", metavar="NAME=VALUE")
+    fix: Mapping[str, float] = option(
+        {}, "A constant that you know.", form="values", metavar="NAME=VALUE", choices=_constants
+    )
     prior: Mapping[str, Range | PriorLaw] = option(
-        {}, "A constant that you measured before.", form="priors", metavar="NAME=MEAN,SD"
+        {}, "A constant that you measured before.", form="priors", metavar="NAME=MEAN,SD", choices=_constants
     )
     bounds: Mapping[str, Range] = option(
-        {}, "Bounds in the place of the physical ones.", form="pairs", metavar="NAME=LO,HI"
+        {},
+        "Bounds in the place of the physical ones.",
+        form="pairs",
+        metavar="NAME=LO,HI",
+        choices=_constants,
     )
     separate: str | Collection[str] = option(
-        (), "This constant, or noise, has a value of its own in each series.", form="names", metavar="NAME"
+        (),
+        "These constants, or noise, have a value of their own in each series.",
+        form="words",
+        metavar="NAME,...",
+        choices=_separable,
     )
     inertia_factor: float | None = option(
-        None, "I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc.", form="number", metavar="J"
+        None,
+        "I/(m R^2): 2/5 solid, 2/3 hollow ball, 1/2 disc.",
+        form="number",
+        metavar="J",
+        unset="the dataset's, else 2/5",
     )
 
     def __post_init__(self) -> None:
@@ -158,7 +196,9 @@ class AngleErrors(Options):
     kind: str = option(
         "none",
         "Errors of angle and spin: none, effective, set (Berkson), measured (classical).",
+        metavar="KIND",
         keyword="angle_errors",
+        choices=lambda: ANGLES,
     )
     _: KW_ONLY
     population: Range | None = option(
@@ -221,14 +261,23 @@ class Noise(Options):
     """
 
     policy: str | None = option(
-        None, "What sigma means: known, scaled, unknown, or mixed: known where given.", keyword="noise"
+        None,
+        "What sigma means: known, scaled, unknown, or mixed: known where given.",
+        metavar="KIND",
+        keyword="noise",
+        unset="the dataset's, else mixed",
+        choices=lambda: POLICIES,
     )
     _: KW_ONLY
     tails: str = option(
         "gaussian",
         "Law of the errors: gaussian, or student-t where outliers occur; any other word lists all.",
+        metavar="NAME",
+        choices=_tails,
     )
-    dof: float | None = option(None, "Degrees of freedom of student-t (4).", form="number", metavar="NU")
+    dof: float | None = option(
+        None, "Degrees of freedom of student-t.", form="number", metavar="NU", unset="4"
+    )
     angles: AngleErrors | None = nested(AngleErrors)
     sigma_velocity: float | None = option(
         None,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _OTHER = {"beta": "contact point's", "beta_cm": "centre's"}
 TABLE = "constants.csv"
 FORMATS = (*SUFFIXES, "csv")
+_OF_FIGURES = "panel,kind,label,"  # at the beginning of each csv
 REAL = ("measured", "published", "digitised")
 
 
@@ -158,7 +159,8 @@ def reproduce(
     ]
     # the table is in place last; what an earlier run left without a successor goes
     record, *others = [TABLE, *ours] if whole else ours
-    written = deliver(fill, out, Contents(record, tuple(others), "reproduction"), force=True)
+    marks = {TABLE: ",".join(COLUMNS[:4])} | {name: _OF_FIGURES for name in ours if name.endswith(".csv")}
+    written = deliver(fill, out, Contents(record, tuple(others), "reproduction", marks), force=True)
     count = sum(name != TABLE for name in written) // len(FORMATS)
     named = [f"{count} figure{'s' if count != 1 else ''} (svg, png and csv)"]
     text = table_text(list(done.values()), _answers(done))

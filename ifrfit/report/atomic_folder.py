@@ -6,11 +6,14 @@ import contextlib
 import os
 import shutil
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
+
+_OF_JSON = '"ifrfit/'  # every record in JSON says its schema first
+_BEGINNING = 4096  # bytes
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,51 @@ class Contents:
         Files that may lie beside it.
     name : str
         What it is, in messages.
+    marks : mapping of str to str
+        Files to what stands at the beginning of each where ifrfit wrote it. A folder with none of these is
+        somebody else's: nothing in it is replaced, whoever forces it. By default that of a record in JSON;
+        where there are none, who calls has looked himself.
     """
 
     record: str
     others: tuple[str, ...]
     name: str
+    marks: Mapping[str, str] | None = None
 
     @property
     def files(self) -> tuple[str, ...]:
         """All of them."""
         return (self.record, *self.others)
+
+    def there(self, folder: Path) -> list[str]:
+        """Which of them lie in a folder."""
+        return [name for name in self.files if (folder / name).exists() or (folder / name).is_symlink()]
+
+    def made(self, folder: Path) -> bool:
+        """Whether ifrfit made what lies in a folder under these names."""
+        marks = {self.record: _OF_JSON} if self.marks is None else self.marks
+        return not marks or any(_begins_with(folder / name, mark) for name, mark in marks.items())
+
+
+def standing(out: Path, of: Contents) -> str:
+    """What becomes of what lies in a folder that is written to, in words; empty where nothing lies there."""
+    if not out.is_dir():
+        return ""
+    ours = of.there(out)
+    others = [entry.name for entry in out.iterdir() if entry.name not in of.files]
+    said = [f"in the place of an earlier {of.name}"] if ours else []
+    if others:
+        number = f"{len(others)} other file{'s' if len(others) > 1 else ''}"
+        said.append(f"{number} there stay{'' if len(others) > 1 else 's'} as before")
+    return "; ".join(said)
+
+
+def _begins_with(path: Path, mark: str) -> bool:
+    try:
+        with path.open("rb") as file:
+            return mark.encode() in file.read(_BEGINNING)
+    except OSError:
+        return False
 
 
 def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, force: bool) -> list[str]:
@@ -48,10 +86,14 @@ def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, fo
     Raises
     ------
     UsageError
-        If the folder holds an earlier one and `force` is not given, or nothing can be written there.
+        If the folder holds an earlier one and `force` is not given, or files of others under these names, or
+        nothing can be written there.
     """
     # a link stays a link: what it points to is replaced
-    place = target.resolve()
+    try:
+        place = target.resolve()
+    except (OSError, RuntimeError):  # links in a circle
+        raise UsageError(f"{target}: cannot be followed. Choose another folder with --out.") from None
     check_free(target, force=force, of=of)
     fresh = _beside(place, "new")
     created = [parent for parent in fresh.parents if not parent.exists()]
@@ -85,19 +127,24 @@ def check_free(out: Path, *, force: bool, of: Contents) -> None:
     Raises
     ------
     UsageError
-        If `out` is a file, or holds files that a result would replace and `force` is not given.
+        If `out` is a file; if it holds files that would be replaced and are not of ifrfit, or are and `force`
+        is not given.
     """
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out} is a file. Name a folder with --out.")
-    if force or not out.exists():
+    if not out.is_dir():
         return
-    if (out / of.record).exists():
-        raise UsageError(f"{out} holds an earlier {of.name}; add --force to replace it.")
-    taken = [name for name in of.files if (out / name).exists()]
-    if taken:
+    there = of.there(out)
+    strange = [name for name in there if (out / name).is_dir()] or (
+        there if there and not of.made(out) else []
+    )
+    if strange:
         raise UsageError(
-            f"{out} holds a file {taken[0]} already; add --force to replace it, or choose another folder."
+            f"{out} holds a file {strange[0]} that is not of ifrfit: it is not replaced, nor with --force. "
+            "Move it away, or choose another folder."
         )
+    if there and not force:
+        raise UsageError(f"{out} holds an earlier {of.name}; add --force to replace it.")
 
 
 def _beside(place: Path, what: str) -> Path:

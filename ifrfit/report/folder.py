@@ -14,7 +14,10 @@ from ifrfit.report.style import save_svg_and_png
 FIGURES = ("fit.svg", "fit.png")
 CHAINS = "chains.npz"
 REPORT = "report.html"
-FIT = Contents("result.json", (*FIGURES, CHAINS, REPORT), "result")
+# chains of a run that was interrupted may lie alone
+FIT = Contents(
+    "result.json", (*FIGURES, CHAINS, REPORT), "result", {"result.json": '"ifrfit/', CHAINS: "schema.npy"}
+)
 RESULT = FIT.record
 
 

@@ -213,25 +213,27 @@ def undetermined(result: FitResult) -> list[str]:
     ]
 
 
-def headline(result: FitResult) -> str:
-    """What needs attention, in a line; empty if all is well."""
+def failing_facts(result: FitResult) -> dict[str, Fact]:
+    """Facts that say LOOK: those that fail, but for notes and for what another of them tells better."""
     pooling = result.facts.get("pooling")
     # where series do not share their constants no closure is to blame for a misfit of all
     series_differ = pooling is not None and not pooling.ok
-    failing = [
-        name
+    return {
+        name: fact
         for name, fact in result.facts.items()
         if not fact.ok
         and not is_quiet(name, fact)
         and not (name == "predictive" and _covers_predictive(result))
         and not (name == "lack_of_fit" and (series_differ or "by_outliers" in fact.figures))
-    ]
+        # that constants are open is told of each of them
+        and not (name == "identifiable" and undetermined(result))
+    }
+
+
+def headline(result: FitResult) -> str:
+    """What needs attention, in a line; empty if all is well."""
     open_constants = undetermined(result)
-    phrases = [
-        HEADLINES.get(name, name.replace("_", " "))
-        for name in failing
-        if name != "identifiable" or not open_constants
-    ]
+    phrases = [HEADLINES.get(name, name.replace("_", " ")) for name in failing_facts(result)]
     if open_constants:
         verb = "are" if len(open_constants) > 1 else "is"
         phrases.append(f"{joined(open_constants)} {verb} not determined")

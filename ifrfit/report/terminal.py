@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
@@ -28,9 +30,24 @@ from ifrfit.text import decimals, interval_ends, interval_text, sd_text
 if TYPE_CHECKING:
     import pandas as pd
 
-WIDTH = 100
+_WIDTH: ContextVar[int] = ContextVar("width", default=100)
 METHODS = ("covariance", "profile", "exact")
 _SDS = 4.0  # an interval of 95 % is about four standard deviations wide
+
+
+def text_width() -> int:
+    """Columns that texts may take."""
+    return _WIDTH.get()
+
+
+@contextmanager
+def as_wide_as(columns: int) -> Iterator[None]:
+    """Write texts for a terminal of so many columns, of which no more than 100 are taken."""
+    token = _WIDTH.set(max(60, min(columns, 100)))
+    try:
+        yield
+    finally:
+        _WIDTH.reset(token)
 
 
 def summary(result: FitResult, style: str = "text") -> str:
@@ -76,7 +93,7 @@ def text(result: FitResult) -> str:
     further = misfit_line(result), assumed_line(result), effort_line(result)
     below = [*regimes, *(line for line in further if line)]
     for line in below:
-        lines += ["  " + part for part in wrapped(line, 2, width=WIDTH - 2)]
+        lines += ["  " + part for part in wrapped(line, 2, margin=2)]
     if below:
         lines.append("")
     for kind, sentence in findings(result):
@@ -89,15 +106,21 @@ def finding_lines(kind: str, sentence: str) -> list[str]:
     return wrapped(sentence, 8, f"  {kind:<6}")
 
 
-def wrapped(sentence: str, hang: int, start: str = "", width: int = WIDTH) -> list[str]:
-    """Lines of at most `width` columns: the first behind `start`, the others indented by `hang`."""
+def wrapped(sentence: str, hang: int, start: str = "", margin: int = 0) -> list[str]:
+    """Lines that leave a margin on the right: the first behind `start`, the others indented by `hang`."""
     return textwrap.wrap(
-        sentence, width, initial_indent=start, subsequent_indent=" " * hang, break_on_hyphens=False
+        sentence,
+        text_width() - margin,
+        initial_indent=start,
+        subsequent_indent=" " * hang,
+        break_on_hyphens=False,
     )
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: str = "  ") -> list[str]:
     """Rows as lines whose columns line up.
+
+    Where a terminal is too narrow for all columns, the rest follow below, behind the first one again.
 
     Parameters
     ----------
@@ -109,8 +132,18 @@ def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: 
         Between columns, and before the first.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    each = [list(zip(row, sides, widths, strict=True)) for row in rows]
-    return [indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in row).rstrip() for row in each]
+    number, wide = 1, len(indent) + sum(widths[:1])
+    while number < len(widths) and (number < 2 or wide + len(gap) + widths[number] <= text_width()):
+        wide += len(gap) + widths[number]
+        number += 1
+    lines = []
+    for row in rows:
+        cells = zip(row[:number], sides, widths, strict=False)
+        lines.append(indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in cells).rstrip())
+    if number == len(widths):
+        return lines
+    rest = [(row[0], *row[number:]) for row in rows]
+    return [*lines, "", *aligned(rest, sides[0] + sides[number:], gap, indent)]
 
 
 def source_lines(result: FitResult) -> list[str]:
@@ -122,7 +155,7 @@ def source_lines(result: FitResult) -> list[str]:
         first = [*kinds[:1], about, *kinds[1:]] if STAND_IN in kinds_of(result, source) else [about, *kinds]
         sentences = [*first, reference(source), left_out(source)]
         paragraphs = [
-            part for sentence in sentences if sentence for part in wrapped(sentence, 0, width=WIDTH - indent)
+            part for sentence in sentences if sentence for part in wrapped(sentence, 0, margin=indent)
         ]
         name = source.name
         if len(name) > indent - 3:
@@ -146,7 +179,7 @@ def _table_lines(rows: Sequence[Row]) -> list[str]:
     lines = [f"  {'':<{names}} {'value':>{values}}  {'sd':>{sds}}   {'95 % interval':<{wide}}   status"]
     for (name, value, sd, remark), span in zip(cells, intervals, strict=True):
         start = f"  {name:<{names}} {value:>{values}}  {sd:>{sds}}   {span:<{wide}}   "
-        parts = textwrap.wrap(remark, max(30, WIDTH - len(start)), break_on_hyphens=False) or [""]
+        parts = textwrap.wrap(remark, max(20, text_width() - len(start)), break_on_hyphens=False) or [""]
         lines.append(start + parts[0])
         lines += [" " * len(start) + part for part in parts[1:]]
     return lines

@@ -78,6 +78,6 @@ def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
     monkeypatch.setattr(module, "compare", loose)
     found = cli("compare", path, *QUICK, "--strict")
     assert found.returncode == 4
-    assert found.stderr == "ifrfit: --strict: fr: the quadrature reached 1e-2 only.\n"
+    assert found.stderr == "ifrfit: --strict: FR: the quadrature reached 1e-2 only.\n"
     assert "VERDICT" in found.stdout
     assert cli("compare", path, *QUICK).returncode == 0

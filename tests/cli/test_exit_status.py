@@ -70,7 +70,7 @@ def test_a_missing_file_is_3_and_close_names_are_offered(cli):
 @pytest.mark.usefixtures("small_page")
 @pytest.mark.parametrize("form", [(), ("--json",), ("--quiet",), ("--out", "kept")])
 def test_strict_is_4_when_a_constant_is_not_determined_and_the_result_is_delivered(cli, impacts, form):
-    path = impacts(gamma=range(5, 85, 5), sigma=0.01)
+    path = impacts(gamma=range(5, 85, 5), sigma=0.01, noise=0.01)
     assert cli("fit", path, *form, *(("--force",) if form == ("--out", "kept") else ())).returncode == 0
     found = cli("fit", path, "--strict", *form, *(("--force",) if form == ("--out", "kept") else ()))
     assert found.returncode == 4
@@ -85,9 +85,54 @@ def test_strict_is_4_when_a_constant_is_not_determined_and_the_result_is_deliver
 
 
 def test_strict_is_0_when_everything_is_determined(cli, impacts):
-    path = impacts(gamma=range(5, 85, 5), sigma=0.01)
+    path = impacts(gamma=range(5, 85, 5), sigma=0.01, noise=0.01)
     found = cli("fit", path, "--strict", "--fix", "e_n=0.94")
     assert (found.returncode, found.stderr) == (0, "")
+
+
+def test_strict_is_4_when_a_fact_fails_however_well_the_constants_come_out(cli):
+    """chi2 of 1e7: values of no law, at a sigma that is far too small."""
+    values = {10: 0.9, 20: -0.5, 30: 0.3, 40: -0.4, 50: 0.6, 60: -0.9, 70: 0.2, 80: 0.4}
+    rows = "".join(f"{gamma},{beta},0.0005\n" for gamma, beta in values.items())
+    Path("wild.csv").write_text(f"gamma_deg,beta,sigma\n{rows}", encoding="utf-8")
+    asked = ("fit", "wild.csv", "--fix", "e_n=0.94", "--noise", "known")
+    result = json.loads(cli(*asked, "--json").stdout)
+    assert result["fit"]["chi2"] > 1e7
+    assert not [name for name, c in result["constants"].items() if c["status"] == "not_determined"]
+    found = cli(*asked, "--strict", "--quiet")
+    assert (found.returncode, found.stdout) == (4, "")
+    assert found.stderr.startswith("ifrfit: --strict: the data contradict one set of constants")
+
+
+def test_strict_is_4_when_the_residuals_call_for_an_effect(cli):
+    found = cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--strict", "--quiet")
+    assert found.returncode == 4
+    assert "the residuals call for tangential compliance" in found.stderr
+
+
+def test_strict_lets_notes_pass(cli):
+    """e_t lies near its bound, which its status tells."""
+    asked = ("fit", "cross-2019", "--fix", "e_n=0.94")
+    assert not json.loads(cli(*asked, "--json").stdout)["facts"]["at_bound"]["ok"]
+    assert cli(*asked, "--strict", "--quiet").returncode == 0
+
+
+@pytest.mark.parametrize(("options", "status"), [((), 4), (("--gamma-min", "30"), 0)])
+def test_strict_comparison_insists_on_what_it_says_with_look(cli, options, status):
+    asked = (
+        "compare",
+        "kharaz-2001",
+        "--prior",
+        "e_n=0.98,0.01",
+        "--closure",
+        "ifr,f",
+        "--no-loo",
+        *options,
+    )
+    said = cli(*asked)
+    assert ("LOOK" in said.stdout) == (status == 4)
+    found = cli(*asked, "--strict", "--quiet")
+    assert found.returncode == status
 
 
 @pytest.fixture

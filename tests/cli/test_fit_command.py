@@ -98,3 +98,25 @@ def test_a_scene_says_what_hit_what(cli, impacts):
     found = cli("compare", data, "--scene", scene, "--no-loo", "--closure", "ifr", "--closure", "fr")
     assert found.returncode == 0
     assert "by its conditions the scene calls for compliance: psi_1" in " ".join(found.stdout.split())
+
+
+@pytest.mark.usefixtures("small_page")
+def test_what_becomes_of_an_earlier_folder_is_said(cli):
+    asked = ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "lsq", "--out", "results")
+    first = cli(*asked)
+    assert first.stdout.splitlines()[-1].startswith("written: results/")
+    Path("results/notes.txt").write_text("mine")
+    refused = cli(*asked)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == "ifrfit: results holds an earlier result; add --force to replace it.\n"
+    replaced = cli(*asked, "--force")
+    assert replaced.returncode == 0
+    assert replaced.stdout.splitlines()[-1].strip() == (
+        "in the place of an earlier result; 1 other file there stays as before"
+    )
+    assert Path("results/notes.txt").read_text() == "mine"
+    Path("results/result.json").write_text("{}")
+    foreign = cli(*asked, "--force")
+    assert foreign.returncode == 2
+    assert "is not of ifrfit: it is not replaced, nor with --force" in foreign.stderr
+    assert Path("results/result.json").read_text() == "{}"

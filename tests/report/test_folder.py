@@ -57,7 +57,7 @@ def test_files_of_others_stay(made, tmp_path, force):
     (out / "notes.txt").write_text("mine")
     (out / "raw").mkdir()
     if force:
-        (out / "result.json").write_text("{}")
+        (out / "result.json").write_text('{"schema": "ifrfit/result/1"}')
         (out / "report.html").write_text("of the earlier result")
     write_folder(made.fine(), APPRAISAL, out, force=force)
     assert names(out) == {*NAMES, "notes.txt", "raw"}
@@ -65,13 +65,43 @@ def test_files_of_others_stay(made, tmp_path, force):
     assert names(tmp_path) == {"a"}
 
 
-def test_a_figure_of_others_is_not_overwritten_without_force(made, tmp_path):
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("name", ["fit.png", "result.json", "chains.npz"])
+def test_a_file_of_others_is_not_overwritten_however_it_is_forced(made, tmp_path, name, force):
     out = tmp_path / "a"
     out.mkdir()
-    (out / "fit.png").write_text("mine")
-    with refused(UsageError, match=r"holds a file fit\.png already; add --force to replace it, or"):
-        write_folder(made.fine(), APPRAISAL, out, force=False)
-    assert (out / "fit.png").read_text() == "mine"
+    (out / name).write_text("mine")
+    with refused(UsageError, match=rf"holds a file {name} that is not of ifrfit: it is not replaced, nor"):
+        write_folder(made.fine(), APPRAISAL, out, force=force)
+    assert (out / name).read_text() == "mine"
+    assert names(out) == {name}
+
+
+def test_a_folder_in_the_place_of_a_file_stays_with_what_is_in_it(made, tmp_path):
+    out = tmp_path / "a"
+    write_folder(made.fine(), None, out, force=False)
+    (out / "fit.svg").mkdir()
+    (out / "fit.svg" / "mine.txt").write_text("mine")
+    with refused(UsageError, match=r"holds a file fit\.svg that is not of ifrfit"):
+        write_folder(made.fine(), APPRAISAL, out, force=True)
+    assert (out / "fit.svg" / "mine.txt").read_text() == "mine"
+
+
+def test_links_in_a_circle_are_refused_in_a_sentence(made, tmp_path):
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with refused(UsageError, match="Choose another folder with --out"):
+        write_folder(made.fine(), None, tmp_path / "a", force=True)
+
+
+def test_what_a_link_in_the_folder_points_to_stays(made, tmp_path):
+    out = tmp_path / "a"
+    write_folder(made.fine(), None, out, force=False)
+    (tmp_path / "mine.png").write_text("mine")
+    (out / "fit.png").symlink_to(tmp_path / "mine.png")
+    write_folder(made.fine(), APPRAISAL, out, force=True)
+    assert (tmp_path / "mine.png").read_text() == "mine"
+    assert not (out / "fit.png").is_symlink()
 
 
 def test_the_folder_one_stands_in_is_filled(made, tmp_path, monkeypatch):

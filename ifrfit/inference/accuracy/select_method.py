@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from ifrfit.errors import UsageError
@@ -41,6 +42,7 @@ def as_requested(
     *,
     seed: int = 0,
     workers: int = 1,
+    keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Estimation:
     """The posterior by quadrature where it can do the problem, else by chains.
@@ -58,7 +60,7 @@ def as_requested(
     request : Request
     methods : collection of str
         exact, mcmc, or both.
-    seed, workers, progress
+    seed, workers, keep, progress
         Of chains.
 
     Raises
@@ -106,7 +108,7 @@ def as_requested(
         most = max(steps, of_chains.FEWEST)
     halt = of_chains.halting(request, is_met)
     sample = mcmc.sample(
-        problem, optimum, seed, max_steps=most, workers=workers, progress=progress, halt=halt
+        problem, optimum, seed, max_steps=most, workers=workers, keep=keep, progress=progress, halt=halt
     )
     error = of_chains.standard_error(sample.evidence)
     reached = error if math.isfinite(error) else None

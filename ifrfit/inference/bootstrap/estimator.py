@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
+from ifrfit.inference.bootstrap.kept_replicates import keep_replicates, kept_replicates
 from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.searched_solver import SearchedSolver
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.optimum_facts import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
+from ifrfit.inference.model.digest import digest
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.workers.worker_processes import worker_processes
+from ifrfit.inference.unfinished_run import KEPT
+from ifrfit.inference.workers.worker_processes import interrupts_deferred, worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -85,6 +90,7 @@ def bootstrap(
     replicates: int = REPLICATES,
     seed: int = 0,
     workers: int = 1,
+    keep: Path | None = None,
     progress: Progress | None = None,
     at_once: int = _AT_ONCE,
 ) -> BootstrapDraws:
@@ -103,6 +109,9 @@ def bootstrap(
         Each replicate has a child stream of its own: the first 1,000 of 2,000 are those of 1,000.
     workers : int
         Processes, where replicates are fitted one by one. The result does not depend on it.
+    keep : Path, optional
+        Folder for the replicates of a run that is interrupted, and of one that is done. Those that are there
+        already, of this question, are not fitted again.
     progress : callable, optional
         Called with the number of replicates done and wanted.
     at_once : int
@@ -137,13 +146,27 @@ def bootstrap(
     together = not isinstance(solver, SequentialSolver)
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
-    lots = [seeds[start : start + size] for start in range(0, replicates, size)]
+    question = digest((problem.digest, seed, chosen))
+    parts = [] if keep is None else kept_replicates(keep, question, replicates)
+    begin = sum(len(part.reason) for part in parts)
+    lots = [seeds[start : start + size] for start in range(begin, replicates, size)]
     task = partial(fit_lot, solver, chosen)
-    parts: list[ReplicateFits] = []
-    for part in each(task, lots, 1 if together else workers):
-        parts.append(part)
-        if progress is not None:
-            progress(sum(len(p.reason) for p in parts), replicates)
+    try:
+        for part in each(task, lots, 1 if together else workers):
+            parts.append(part)
+            if progress is not None:
+                progress(sum(len(p.reason) for p in parts), replicates)
+    except KeyboardInterrupt:
+        if keep is None or not parts:
+            raise
+        with interrupts_deferred():
+            found_so_far = concatenate_fits(parts)
+            keep_replicates(keep, found_so_far, question)
+        done = f"{len(found_so_far.reason):,} replicates"
+        raise KeyboardInterrupt(f"{done} {KEPT.format(keep)}") from None
+    if keep is not None:  # until the results are written
+        with contextlib.suppress(UsageError):
+            keep_replicates(keep, concatenate_fits(parts), question)
     return _collect(problem, chosen, concatenate_fits(parts), seed)
 
 
@@ -172,7 +195,7 @@ def fit_lot(solver: Solver, scheme: Scheme, seeds: list[np.random.SeedSequence])
 
 def each(task: FitLot, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[ReplicateFits]:
     """Fit the lots in order, here or in processes of their own."""
-    if workers == 1 or len(lots) == 1:
+    if workers == 1 or len(lots) <= 1:
         yield from map(task, lots)
         return
     with worker_processes(min(workers, len(lots))) as pool:

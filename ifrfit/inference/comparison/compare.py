@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
@@ -44,6 +44,21 @@ from ifrfit.text import joined
 _NO_OBLIQUE = "No row is of an oblique impact: e_n and mu alone say nothing of a closure."
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
+Progress = Callable[[int, int], None]
+
+
+class ComparisonInterrupted(KeyboardInterrupt):
+    """A comparison that was interrupted, and what it had compared.
+
+    Attributes
+    ----------
+    so_far : Comparison
+    """
+
+    def __init__(self, said: str, so_far: Comparison) -> None:
+        super().__init__(said)
+        self.so_far = so_far
+
 
 def compare(
     data: Data | Sequence[Data] | None = None,
@@ -55,6 +70,7 @@ def compare(
     seed: int = 0,
     scene: str | Path | None = None,
     command: str = "",
+    progress: Progress | None = None,
     **keywords: Unpack[QuestionKeywords],
 ) -> Comparison:
     """Weigh closures against each other by what they say of the same impacts.
@@ -76,6 +92,8 @@ def compare(
         Of the draws behind bands and cross-validation.
     scene, command
         As `fit`.
+    progress : callable, optional
+        Called with the closures fitted and cross-validated, and how many there are to be.
     **keywords
         Those of `fit` but for closure and the options of methods.
 
@@ -89,6 +107,8 @@ def compare(
         For choices that do not exist or contradict, or fewer than two closures.
     DataError
         For data that are refused.
+    ComparisonInterrupted
+        By Ctrl-C, with what was compared until then.
 
     Notes
     -----
@@ -120,7 +140,24 @@ def compare(
         return _compare_stream(stream, asked, chosen, scatter, notes, seed, command)
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, options)
-    return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
+    fits: dict[str, FitResult] = {}
+    stages = len(asked) * (1 + loo)
+
+    def tell(done: int) -> None:
+        if progress is not None:
+            progress(done, stages)
+
+    try:
+        fit_each(question, asked, chosen, seed, command, fits, tell)
+        return _weighed(fits, notes, loo, seed, lambda done: tell(len(asked) + done))
+    except KeyboardInterrupt:
+        if len(fits) < 2:
+            raise
+        missing = [closure.title for closure in asked if closure.name not in fits]
+        left_out = [f"{joined(missing)} not fitted"] if missing else []
+        left_out += ["nothing cross-validated"] if loo else []
+        said = f"Interrupted: {', '.join(left_out)}."
+        raise ComparisonInterrupted(said, _weighed(fits, (*notes, said), loo=False, seed=seed)) from None
 
 
 def _linear(closures: Sequence[Closure]) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
@@ -220,11 +257,17 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
         raise type(error)(f"Closure {closure.title}: {error.in_shell}") from None
 
 
-def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
+def _weighed(
+    fits: dict[str, FitResult],
+    notes: tuple[str, ...],
+    loo: bool,
+    seed: int,
+    tell: Callable[[int], None] = lambda done: None,
+) -> Comparison:
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
-    found = _cross_validated(fits, evidence, seed) if loo else {}
+    found = _cross_validated(fits, evidence, seed, tell) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
@@ -235,7 +278,9 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
     return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)
 
 
-def _cross_validated(fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int) -> dict[str, Loo]:
+def _cross_validated(
+    fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int, tell: Callable[[int], None]
+) -> dict[str, Loo]:
     """Every closure with draws of its own, whichever others are compared; empty for too many rows.
 
     Impacts are left out in earnest under those alone that have a hope beside the best.
@@ -247,6 +292,7 @@ def _cross_validated(fits: dict[str, FitResult], evidence: Mapping[str, float], 
         if own is None:
             return {}
         found[name] = own
+        tell(len(found))
     return with_differences(found)
 
 
@@ -338,9 +384,15 @@ def applied_where(closures: Sequence[Closure], choices: Mapping[str, Iterable[st
 
 
 def fit_each(
-    question: Question, closures: Sequence[Closure], model: Model, seed: int, command: str
-) -> dict[str, FitResult]:
-    """Fit every closure by exact posterior.
+    question: Question,
+    closures: Sequence[Closure],
+    model: Model,
+    seed: int,
+    command: str,
+    found: dict[str, FitResult],
+    tell: Callable[[int], None],
+) -> None:
+    """Fit every closure by exact posterior, and put each into `found`.
 
     Raises
     ------
@@ -349,7 +401,6 @@ def fit_each(
     """
     own = {c.constant for c in closures if c.constant}
     specific = any(name in own for named in model.named_constants().values() for name in named)
-    found: dict[str, FitResult] = {}
     problem: Problem | None = None
     for closure in closures:
         try:
@@ -372,7 +423,7 @@ def fit_each(
             raise type(error)(
                 error.in_shell if named else f"Closure {closure.title}: {error.in_shell}"
             ) from None
-    return found
+        tell(len(found))
 
 
 def aicc(result: FitResult) -> float | None:

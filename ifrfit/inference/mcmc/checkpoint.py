@@ -13,6 +13,7 @@ from ifrfit.inference.io.json_text import replaced
 from ifrfit.inference.mcmc.run import Chains, Rest
 from ifrfit.inference.model.digest import digest
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.unfinished_run import writing_to
 
 FILE = "chains.npz"
 SCHEMA = "ifrfit/chains/1"
@@ -81,6 +82,34 @@ def load_chains(path: Path, question: str) -> Chains:
             "Resume with the same ones, or run again without --resume."
         )
     return _chains(place, content)
+
+
+def keep_chains(folder: Path, chains: Chains, question: str) -> None:
+    """Write chains of an unfinished run into a folder of their own.
+
+    Raises
+    ------
+    UsageError
+        The disk is full, or gone.
+    """
+    with writing_to(folder):
+        save_chains(folder / FILE, chains, question)
+
+
+def kept_chains(folder: Path, question: str) -> Chains | None:
+    """Chains that `keep_chains` wrote for this question; None where there are none, or of another one.
+
+    Raises
+    ------
+    DataError
+        If the file is damaged.
+    """
+    if not (folder / FILE).is_file():
+        return None
+    try:
+        return load_chains(folder, question)
+    except UsageError:
+        return None
 
 
 def _chains(place: Path, content: dict[str, Any]) -> Chains:

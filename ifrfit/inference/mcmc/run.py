@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -14,16 +15,26 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.moves import moves
 from ifrfit.inference.mcmc.stopping import Evidence, is_met
-from ifrfit.inference.workers.worker_processes import worker_processes
+from ifrfit.inference.workers.worker_processes import interrupts_deferred, worker_processes
 
 Array = NDArray[np.float64]
 
 Progress = Callable[[int, int], None]
 Halt = Callable[[Evidence], bool]
+Keep = Callable[["Chains"], None]
 
 MAX_STEPS = 10_000
 
 _FIRST, _GROWTH = 200, 1.25  # steps before the first look, and from one look to the next
+_PIECE, _SECONDS = 20, 0.4  # steps of the first piece of a stretch, and time that the later ones are to take
+
+
+class Each(Protocol):
+    """`map`, here or in other processes."""
+
+    def __call__(self, task: Callable[[Rest], Chains], ends: Iterable[Rest], /) -> Iterable[Chains]:
+        """What the task makes of each end, in order."""
+        ...
 
 
 class Target(Protocol):
@@ -96,15 +107,6 @@ class Chains:
         ensembles, steps, walkers = self.log_density.shape
         return float(self.accepted.sum() / max(ensembles * steps * walkers, 1))
 
-    def longer(self, stretches: Sequence[Chains]) -> Chains:
-        """The same with what each ensemble walked since."""
-        return Chains(
-            np.concatenate((self.at, np.concatenate([s.at for s in stretches])), axis=1),
-            np.concatenate((self.log_density, np.concatenate([s.log_density for s in stretches])), axis=1),
-            self.accepted + np.concatenate([s.accepted for s in stretches]),
-            tuple(end for s in stretches for end in s.ends),
-        )
-
 
 def begin(target: Target, starts: Array, seed: np.random.SeedSequence) -> Chains:
     """Ensembles at their starts, each with random numbers of its own.
@@ -139,6 +141,8 @@ def walk(target: Target, rest: Rest, steps: int) -> Chains:
     """
     walkers, dimensions = rest.at.shape
     sampler = emcee.EnsembleSampler(walkers, dimensions, target, moves=moves(), vectorize=True)
+    # in emcee's own wrapping the density would print whatever interrupts it, on standard output
+    sampler.log_prob_fn = target
     start = emcee.State(rest.at, log_prob=rest.log_density, random_state=rest.random, copy=True)
     sampler.run_mcmc(start, steps, skip_initial_state_check=True)
     at, log_density = sampler.get_chain(), sampler.get_log_prob()
@@ -155,6 +159,7 @@ def run(
     workers: int = 1,
     progress: Progress | None = None,
     halt: Halt = is_met,
+    keep: Keep | None = None,
 ) -> tuple[Chains, Evidence]:
     """Walk on until every rule of `stopping` holds, or until `max_steps`.
 
@@ -173,9 +178,11 @@ def run(
     workers : int
         Processes; more than there are ensembles are of no use.
     progress : callable, optional
-        Called with the steps walked and the budget after every look.
+        Called with the steps walked and the budget after every look, and some times a second.
     halt : callable
         Whether to stop, asked at every look; by default whether every rule holds.
+    keep : callable, optional
+        Given the chains so far where the walk is interrupted.
 
     Returns
     -------
@@ -183,20 +190,69 @@ def run(
     evidence : Evidence
     """
     workers = min(workers, len(chains.ends))
+    walked = [chains]
     with worker_processes(workers) if workers > 1 else contextlib.nullcontext() as pool:
-        each = map if pool is None else pool.map
-        for look in _looks(max_steps):
-            if look > chains.steps:
-                further = partial(walk, target, steps=look - chains.steps)
-                chains = chains.longer(list(each(further, chains.ends)))
-            elif look < chains.steps:
-                continue
-            if progress is not None:
-                progress(chains.steps, max_steps)
-            evidence = Evidence(target.quantities(chains.at))
-            if halt(evidence):
-                return chains, evidence
+        each: Each = map if pool is None else pool.map
+        try:
+            for look in _looks(max_steps):
+                if look < chains.steps:
+                    continue
+                for steps in _walk_to(target, walked, look, each):
+                    if progress is not None and steps < look:
+                        progress(steps, max_steps)
+                walked[:] = [chains := _one_after_the_other(walked)]
+                if progress is not None:
+                    progress(chains.steps, max_steps)
+                evidence = Evidence(target.quantities(chains.at))
+                if halt(evidence):
+                    return chains, evidence
+        except KeyboardInterrupt:
+            if keep is not None:
+                with interrupts_deferred():
+                    keep(_one_after_the_other(walked))
+            raise
     return chains, Evidence(target.quantities(chains.at))
+
+
+def _walk_to(target: Target, walked: list[Chains], look: int, each: Each) -> Iterator[int]:
+    """Walk to a look, piece by piece, put behind `walked`: an interrupt takes no more than the last of them.
+
+    Yields
+    ------
+    int
+        Steps walked, after every piece.
+    """
+    steps, piece = sum(part.steps for part in walked), _PIECE
+    while steps < look:
+        begin = time.perf_counter()
+        further = partial(walk, target, steps=min(piece, look - steps))
+        walked.append(joined(list(each(further, walked[-1].ends))))
+        steps += walked[-1].steps
+        elapsed = time.perf_counter() - begin
+        piece = max(_PIECE, int(walked[-1].steps * min(2.0, _SECONDS / max(elapsed, 1e-9))))
+        yield steps
+
+
+def joined(parts: Sequence[Chains]) -> Chains:
+    """Chains of several ensembles side by side."""
+    return Chains(
+        np.concatenate([part.at for part in parts]),
+        np.concatenate([part.log_density for part in parts]),
+        np.concatenate([part.accepted for part in parts]),
+        tuple(end for part in parts for end in part.ends),
+    )
+
+
+def _one_after_the_other(pieces: Sequence[Chains]) -> Chains:
+    """Stretches of the same ensembles as one."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return Chains(
+        np.concatenate([piece.at for piece in pieces], axis=1),
+        np.concatenate([piece.log_density for piece in pieces], axis=1),
+        np.sum([piece.accepted for piece in pieces], axis=0),
+        pieces[-1].ends,
+    )
 
 
 def _looks(max_steps: int) -> Iterator[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.distributions.draws import Draws
-from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
+from ifrfit.inference.mcmc.checkpoint import keep_chains, kept_chains, load_chains, question_of, save_chains
 from ifrfit.inference.mcmc.run import MAX_STEPS, Chains, Halt, Progress, begin, run
 from ifrfit.inference.mcmc.starts import Coordinates, starts
 from ifrfit.inference.mcmc.stopping import Evidence, Verdict, is_met, verdict_of
@@ -19,6 +20,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
+from ifrfit.inference.unfinished_run import KEPT
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ def sample(
     max_steps: int = MAX_STEPS,
     workers: int = 1,
     resume: Path | None = None,
+    keep: Path | None = None,
     progress: Progress | None = None,
     halt: Halt | None = None,
 ) -> Sample:
@@ -118,6 +121,9 @@ def sample(
     workers : int
     resume : Path, optional
         Chains to walk on with, or their folder.
+    keep : Path, optional
+        Folder for the chains of a walk that is interrupted, and of one that is done. Chains of this question
+        that are there already are walked on with.
     progress : callable, optional
     halt : callable, optional
         Whether to stop, asked at every look at the chains; by default when every rule holds.
@@ -134,10 +140,20 @@ def sample(
         raise UsageError(
             "Every constant is fixed and the noise is known: there is nothing to sample. Use --method lsq."
         )
+    question = question_of(problem, seed)
+    kept = None if keep is None else kept_chains(keep, question)
     if resume is not None:
-        chains = load_chains(resume, question_of(problem, seed))
+        chains = load_chains(resume, question)
     else:
         chains = fresh(coordinates, found, seed)
+    if kept is not None and kept.steps > chains.steps:
+        chains = kept
+
+    def put_away(so_far: Chains) -> None:
+        if keep is not None and so_far.steps:
+            keep_chains(keep, so_far, question)
+            raise KeyboardInterrupt(f"{so_far.steps:,} steps of the chains {KEPT.format(keep)}")
+
     chains, evidence = run(
         coordinates,
         chains,
@@ -145,7 +161,11 @@ def sample(
         workers=workers,
         progress=progress,
         halt=is_met if halt is None else halt,
+        keep=put_away,
     )
+    if keep is not None:  # until the results are written
+        with contextlib.suppress(UsageError):
+            keep_chains(keep, chains, question)
     return Sample(coordinates, chains, evidence, seed)
 
 

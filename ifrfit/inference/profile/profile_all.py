@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -36,7 +36,11 @@ from ifrfit.physics.transition import transition_angles
 
 
 def profile_all(
-    problem: Problem, fit: LeastSquaresFit, *, curves: bool = True
+    problem: Problem,
+    fit: LeastSquaresFit,
+    *,
+    curves: bool = True,
+    progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, ProfileLikelihood]:
     """Profile of free constants, of kappa, of what the closure constant stands for, and of transitions.
 
@@ -47,6 +51,8 @@ def profile_all(
         Its optimum.
     curves : bool
         Add places until the curves can be drawn; without, only what intervals and shapes need is looked at.
+    progress : callable, optional
+        Called with the profiles done, and how many there are to be.
 
     Returns
     -------
@@ -60,9 +66,12 @@ def profile_all(
     misfit = Misfit.of(problem, fit)
     reasons = prior_reasons(problem, fit)
     found = {}
-    for name, quantity in quantities_of(problem, fit).items():
+    quantities = quantities_of(problem, fit)
+    for name, quantity in quantities.items():
         sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = profile_of(misfit, quantity, known_of(problem, fit, name, sd, reasons), fill=curves)
+        if progress is not None:
+            progress(len(found), len(quantities) + len(problem.series))
     e_n = problem.parameters["e_n"]
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
@@ -85,6 +94,8 @@ def profile_all(
         tau = taus[places]
         if tau is not None:
             found |= _transitions(problem, number, series, tau)
+        if progress is not None:
+            progress(len(quantities) + number + 1, len(quantities) + len(problem.series))
     return found
 
 

@@ -18,6 +18,7 @@ from ifrfit._version import __version__
 from ifrfit.errors import UsageError
 from ifrfit.inference.workers.worker_processes import (
     could_not_start,
+    end_at_once,
     register,
     registered_here,
     start_processes,
@@ -110,14 +111,17 @@ class Processes:
 
     def _died(self) -> Exception:
         # one that was started while the others were ended would be waited for without end
-        for child in active_children():
-            if child not in self._others:
-                child.kill()
+        end_at_once(self._others)
         self.close()
         self._deaths += 1
         if not self._has_worked and self._deaths >= TRIES:
             return could_not_start(self.size)
         return CrewDiedError()
+
+    def end_at_once(self) -> None:
+        """End the processes, whatever they are at."""
+        if self._pool is not None:
+            end_at_once(self._others)
 
     def close(self) -> None:
         """Let the processes end."""
@@ -269,6 +273,10 @@ def crew_of(workers: int, scheduler: str | None) -> Iterator[Crew | None]:
     crew: Processes | Cluster = Processes(workers) if scheduler is None else Cluster(scheduler)
     try:
         yield crew
+    except (KeyboardInterrupt, GeneratorExit):
+        if isinstance(crew, Processes):
+            crew.end_at_once()
+        raise
     finally:
         crew.close()
 

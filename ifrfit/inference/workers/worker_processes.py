@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS
@@ -31,11 +33,17 @@ def worker_processes(workers: int) -> Iterator[Executor]:
     UsageError
         If they cannot start, or an entry that was registered here cannot be imported there.
     """
-    with start_processes(workers) as pool:
-        try:
-            yield pool
-        except BrokenProcessPool:
-            raise could_not_start(workers) from None
+    others = active_children()
+    pool = start_processes(workers)
+    try:
+        yield pool
+    except BrokenProcessPool:
+        raise could_not_start(workers) from None
+    except (KeyboardInterrupt, GeneratorExit):
+        end_at_once(others)
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def start_processes(workers: int) -> ProcessPoolExecutor:
@@ -44,10 +52,34 @@ def start_processes(workers: int) -> ProcessPoolExecutor:
     pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
     # a process that were first started when work comes could start while another one dies, and Python 3.11's
     # pool would print that it cannot count its processes meanwhile
-    with suppress(BrokenProcessPool):
+    with interrupts_deferred(), suppress(BrokenProcessPool):
         for _ in range(workers):
             pool.submit(int)
     return pool
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Let an interrupt (Ctrl-C) wait until the end of this, and never reach processes that start meanwhile.
+
+    A terminal sends it to all processes: those that compute leave it to the one that started them, which
+    ends them. On Windows nothing is held.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_at_once(others: Collection[BaseProcess]) -> None:
+    """End the processes that this one started, whatever they are at, but for some others."""
+    for child in active_children():
+        if child not in others:
+            child.kill()
 
 
 def could_not_start(workers: int) -> UsageError:

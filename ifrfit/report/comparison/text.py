@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.omitted_effects.score_tests import called_titl
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics import get_closure
 from ifrfit.report.sentences import assumed_line, noise_words, scene_notes
-from ifrfit.report.terminal import WIDTH, aligned, finding_lines, source_lines, wrapped
+from ifrfit.report.terminal import aligned, finding_lines, source_lines, text_width, wrapped
 from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, plus_minus, sd_text
 
 Column = tuple[str, Callable[[Entry], str]]
@@ -255,7 +255,9 @@ def summary(comparison: Comparison) -> str:
     model = f"{len(comparison.entries)} closures, exact posterior, {noise_words(best)}"
     blocks = [
         [*source_lines(best), *wrapped(model, 2)],
-        textwrap.wrap(comparison.verdict.says, WIDTH, initial_indent="VERDICT  ", subsequent_indent=" " * 9),
+        textwrap.wrap(
+            comparison.verdict.says, text_width(), initial_indent="VERDICT  ", subsequent_indent=" " * 9
+        ),
         [*_table(comparison, criteria(comparison)), *wrapped("  " + prior_line(comparison), 4)],
         _prior_lines(comparison),
         _table(comparison, CROSS_VALIDATION) if cross_validated(comparison) else [],

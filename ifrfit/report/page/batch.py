@@ -83,17 +83,27 @@ def write_batch(
     ------
     UsageError
         If something else lies there, or nothing can be written.
+    KeyboardInterrupt
+        By Ctrl-C; the reports that were drawn until then are written, with an index of them.
     """
     entries = named_entries(results, suffix)
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file. Name a folder with --out.")
     for name in (INDEX, *(entry.file for entry in entries)):
         check_free(folder / name, force=force)
-    files = {INDEX: index(entries).encode("utf-8")}
-    for entry in entries:
-        progress(entry.name)
-        files |= report_files(entry.result, appraise(entry.result), entry.file)
-    put(folder, files, force=force)
+    files: dict[str, bytes] = {}
+    drawn: list[Entry] = []
+    try:
+        for entry in entries:
+            progress(entry.name)
+            files |= report_files(entry.result, appraise(entry.result), entry.file)
+            drawn.append(entry)
+    except KeyboardInterrupt:
+        if not drawn:
+            raise
+        put(folder, {INDEX: index(drawn).encode("utf-8"), **files}, force=force)
+        raise KeyboardInterrupt(f"{len(drawn)} of {len(entries)} reports are in {folder}.") from None
+    put(folder, {INDEX: index(entries).encode("utf-8"), **files}, force=force)
     return [INDEX, *(entry.file for entry in entries)]
 
 

@@ -280,4 +280,4 @@ def put(folder: Path, files: Files, *, force: bool) -> None:
         return [*files]
 
     # the first is in place last: it never refers to a picture that is not there yet
-    deliver(fill, folder, Contents(next(iter(files)), (), "report"), force=True)
+    deliver(fill, folder, Contents(next(iter(files)), (), "report", {}), force=True)

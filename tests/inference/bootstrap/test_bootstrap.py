@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from bootstrap_scenes import TRUTH, fitted, scene, with_values
 from refusals import refused
 from scipy import stats
 
-from ifrfit.errors import UsageError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.bootstrap import BootstrapDraws, bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.estimator import each, fit_lot
@@ -181,3 +182,42 @@ def test_numbers_that_make_no_sense_are_refused() -> None:
         bootstrap(problem, found, replicates=99)
     with refused(UsageError, match="--workers 0"):
         bootstrap(problem, found, workers=0)
+
+
+def test_kept_replicates_are_taken_up_and_change_nothing(tmp_path: Path) -> None:
+    problem = scene(10)
+    whole = made(problem, replicates=200, at_once=600)
+    told: list[int] = []
+
+    def interrupt(done: int, _most: int) -> None:
+        told.append(done)
+        if done >= 90:
+            raise KeyboardInterrupt
+
+    with pytest.raises(
+        KeyboardInterrupt, match=r"replicates are kept in .*: the same command goes on with them"
+    ):
+        made(problem, replicates=200, at_once=600, keep=tmp_path / "u", progress=interrupt)
+    fresh: list[int] = []
+    again = made(
+        problem, replicates=200, at_once=600, keep=tmp_path / "u", progress=lambda done, _: fresh.append(done)
+    )
+    assert min(fresh) > told[-1]
+    for name, draws in whole.draws.items():
+        np.testing.assert_array_equal(draws, again.draws[name])
+    # done, all are kept until the results are there: fewer are the first of them
+    fewer = made(problem, replicates=100, at_once=600, keep=tmp_path / "u", progress=fresh.append)
+    for name, draws in whole.draws.items():
+        np.testing.assert_array_equal(draws[: fewer.answered], fewer.draws[name])
+
+
+def test_replicates_of_another_question_are_not_taken_up_and_damaged_ones_refused(tmp_path: Path) -> None:
+    problem = scene(10)
+    made(problem, replicates=100, keep=tmp_path)
+    other = made(problem, replicates=100, keep=tmp_path, seed=1)
+    alone = made(problem, replicates=100, seed=1)
+    for name, draws in alone.draws.items():
+        np.testing.assert_array_equal(draws, other.draws[name])
+    (tmp_path / "replicates.npz").write_bytes(b"junk")
+    with pytest.raises(DataError, match=r"replicates\.npz: cannot be read as replicates\. Remove it"):
+        made(problem, replicates=100, keep=tmp_path)

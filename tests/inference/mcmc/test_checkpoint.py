@@ -11,7 +11,7 @@ from refusals import refused
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc import Chains, begin, run
-from ifrfit.inference.mcmc.checkpoint import FILE, load_chains, save_chains
+from ifrfit.inference.mcmc.checkpoint import FILE, keep_chains, kept_chains, load_chains, save_chains
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +88,22 @@ def test_objects_are_never_unpacked(chains: Chains, tmp_path: Path) -> None:
     np.savez(tmp_path / FILE, **(arrays(chains, tmp_path) | {"at": np.array([{}], dtype=object)}))
     with refused(DataError, match="cannot be read as chains"):
         load_chains(tmp_path, "q")
+
+
+def test_chains_that_are_kept_are_those_of_the_question_alone(chains: Chains, tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "unfinished"
+    assert kept_chains(folder, "this") is None
+    keep_chains(folder, chains, "this")
+    assert kept_chains(folder, "another") is None
+    again = kept_chains(folder, "this")
+    assert again is not None
+    np.testing.assert_array_equal(again.at, chains.at)
+    (folder / "chains.npz").write_bytes(b"junk")
+    with pytest.raises(DataError, match="cannot be read as chains"):
+        kept_chains(folder, "this")
+
+
+def test_a_disk_that_takes_nothing_is_told_in_a_sentence(chains: Chains, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="what was found so far cannot be written"):
+        keep_chains(tmp_path / "file" / "unfinished", chains, "this")
