@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.charts.typesetting import html as formula
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
+from ifrfit.report.page.symbols import typeset
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -63,6 +65,8 @@ def environment(*, autoescape: bool = True) -> Environment:
     )
     found.filters["data_uri"] = data_uri
     found.filters["picture"] = _picture
+    found.filters["typeset"] = _typeset
+    found.filters["formula"] = _formula
     return found
 
 
@@ -113,6 +117,19 @@ def _picture(picture: Any, alone: bool) -> Any:
 
     # our own figure, written by an XML writer that escapes every text
     return Markup(inline(picture, alone=alone))
+
+
+def _typeset(text: str) -> Any:
+    from markupsafe import Markup
+
+    # escaped piece by piece
+    return Markup(typeset(text))
+
+
+def _formula(latex: str) -> Any:
+    from markupsafe import Markup
+
+    return Markup(formula(latex))
 
 
 FORMAT = ReportFormat("html", lambda report, stem: {f"{stem}.html": render(report).encode("utf-8")})

@@ -252,4 +252,4 @@ def _rows_of_legend(entries: Iterable[Entry], wide: float) -> tuple[tuple[Entry,
     return tuple(tuple(row) for row in rows)
 
 
-SECTION = ReportSection("closures", "Closures compared", build)
+SECTION = ReportSection("closures", "Closures compared", build, frozenset({"pictures"}))

@@ -16,13 +16,14 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import table_rows
-from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
+from ifrfit.report.page.blocks import Block, Download, Findings, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.charts.chart import Axis, Chart, Line, Mark, Points, lines_panel, shortened, symbol
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import transitions
 from ifrfit.report.sentences import by_series, labelled, places_of, status_words, value_text
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
+from ifrfit.report.tables import csv_text, latex
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -42,7 +43,9 @@ def build(given: ReportInput) -> Sequence[Block]:
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
-        )
+        ),
+        Download("constants.csv", "text/csv", csv_text(given.result), "This table with all digits."),
+        Download("constants.tex", "text/x-tex", latex(given.result), "The same for LaTeX."),
     ]
     pictures = tuple(_pictures(given))
     if pictures:
@@ -255,4 +258,4 @@ def _window(numbers: Iterable[float | None], otherwise: Interval, share: float) 
     return low - room, high + room
 
 
-SECTION = ReportSection("constants", "Constants", build)
+SECTION = ReportSection("constants", "Constants", build, frozenset({"pictures"}))

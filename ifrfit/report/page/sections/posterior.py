@@ -231,4 +231,4 @@ def _around(column: Array) -> Interval:
     return float(column.min()) - room, float(column.max()) + room
 
 
-SECTION = ReportSection("posterior", "Posterior", build)
+SECTION = ReportSection("posterior", "Posterior", build, frozenset({"table"}))

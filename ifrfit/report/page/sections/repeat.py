@@ -119,7 +119,8 @@ def _table(result: FitResult) -> Table:
         f"{stand_in_words(result)}The data: {amount_words(result)} used, with the fitted values and "
         f"standardised residuals.{left}"
     )
-    return Table(caption, head, rows, frozenset(range(3, len(head) - 1)), folded=len(rows) > FOLDED)
+    numbers_of = frozenset(range(3, len(head) - 1))
+    return Table(caption, head, rows, numbers_of, folded=len(rows) > FOLDED, is_verbatim=True)
 
 
 def _number(value: float) -> str:
