@@ -96,7 +96,7 @@ CLOSURES: Registry[Closure] = Registry(
             _ifr_contact,
             _DOMENECH + ", with the impulse that stops the contact point as friction in sticking",
             replace(_E_T, domain=lambda j: (-1.0, 0.0)),
-            full_title="independent friction and restitution, friction stopping the contact point in sticking",
+            full_title="independent friction and restitution; in sticking friction stops the contact point",
             references=("domenech2023",),
         ),
         Closure(

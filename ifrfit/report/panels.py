@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
+from ifrfit.report.modes import other_modes
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Dashes, SeriesStyle, series_styles, write_watermark
@@ -39,6 +40,7 @@ CROWD = 200
 ANGLE, SPEED = "incidence angle γ (deg)", "incoming speed (m/s)"
 NUMBER = "measurement (number, in order)"
 BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
+OTHER_MODE: dict[str, Any] = {"color": "0.25", "lw": 0.9, "ls": (0, (1, 1.2))}
 FEW_POINTS, MANY = 60, 2000
 PIXELS = 500  # from here on points are pixels in the svg too, or it would be huge
 
@@ -302,9 +304,17 @@ def curves(result: FitResult, observable: str, names: list[str], *, bands: bool 
 
 
 def draw_panel(
-    data: Axes, residuals: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]
+    data: Axes,
+    residuals: Axes,
+    result: FitResult,
+    observable: str,
+    styles: dict[str, SeriesStyle],
+    speeds: Axes | None = None,
 ) -> None:
-    """Draw data with error bars and curves with bands, and standardised residuals under them."""
+    """Draw data with error bars and curves with bands, and standardised residuals under them.
+
+    With axes `speeds` residuals are drawn against the incoming speed, too.
+    """
     rows = result.points[result.points["observable"] == observable]
     names = [str(name) for name in rows["series"].unique()]
     found, angled = curves(result, observable, names), has_angle(observable)
@@ -321,14 +331,41 @@ def draw_panel(
             draw_curve(data, level, shades=(0.35, 0.45), behind=IN_FRONT - 0.1, front=IN_FRONT)
         several.append(_points(result, rows[own], x[own], styles[curve.label], angled))
         draw_points(data, several[-1], look)
+    for _, mode in other_modes(result) if angled else ():
+        for curve in curves(mode, observable, names, bands=False):
+            data.plot(curve.x, curve.y, zorder=2.8, **OTHER_MODE)
     data.set_ylim(*value_limits(rows, found, x if angled else None))
     data.set_ylabel(axis_label(observable))
     draw_residuals(residuals, several, look, front=IN_FRONT if crowded else 1.0)
     for axes in (data, residuals):
         set_x(axes, x, label)
     offset = result.noise.angle_offset is not None and label == ANGLE
+    if speeds is not None:
+        draw_residuals_by_speed(speeds, result, rows, styles, look)
     residuals.set_xlabel(f"{label}, fitted offset added" if offset else label)
     mark_stand_in(data, rows)
+
+
+def draw_residuals_by_speed(
+    axes: Axes, result: FitResult, rows: pd.DataFrame, styles: dict[str, SeriesStyle], look: Look
+) -> None:
+    """Draw standardised residuals of an observable against the incoming speed of each row."""
+    several, angled = [], has_angle(str(rows["observable"].iloc[0]))
+    for name in rows["series"].unique():
+        own = rows[rows["series"] == name]
+        (speed,) = numbers(own, "speed_m_s")
+        several.append(_points(result, own, speed, styles[str(name)], angled))
+    draw_residuals(axes, several, look)
+    axes.set_xlabel(SPEED)
+
+
+def has_speeds(rows: pd.DataFrame, observable: str) -> bool:
+    """Whether residuals of an observable are worth drawing against speed: known, and of several values.
+
+    Not where the observable is drawn over the speed itself.
+    """
+    (speed,) = numbers(rows, "speed_m_s")
+    return bool(len(rows)) and _differs(speed) and abscissa(rows, observable)[1] != SPEED
 
 
 def abscissa(rows: pd.DataFrame, observable: str) -> tuple[Array, str]:

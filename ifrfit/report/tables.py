@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
-from ifrfit.report.page.html import environment
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.sentences import (
@@ -21,6 +20,7 @@ from ifrfit.report.sentences import (
     plus_minus,
     span_text,
 )
+from ifrfit.report.templating import environment
 
 CSV_HEAD = ("constant", "series", "value", "sd", "low68", "high68", "low95", "high95", "remark")
 _LATEX_SPECIAL = str.maketrans(

@@ -14,6 +14,7 @@ from ifrfit.report.page.charts.typesetting import html as formula
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
 from ifrfit.report.page.symbols import typeset
+from ifrfit.report.templating import environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -46,23 +47,15 @@ def fill(template: str, *, script: str, **content: Any) -> str:
     """
     sheet = colours() + asset("page.css")
     return (
-        environment()
+        page_environment()
         .get_template(template)
         .render(sheet=sheet, script=script, policy=policy(sheet, script), generator=GENERATOR, **content)
     )
 
 
-def environment(*, autoescape: bool = True) -> Environment:
-    """Jinja2 that refuses undefined names, and escapes what means something in HTML if `autoescape`."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    found = Environment(
-        loader=PackageLoader("ifrfit.report.page"),
-        autoescape=autoescape,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+def page_environment() -> Environment:
+    """Templates with the filters of pages."""
+    found = environment()
     found.filters["data_uri"] = data_uri
     found.filters["picture"] = _picture
     found.filters["typeset"] = _typeset

@@ -10,7 +10,16 @@ from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import constant_symbols
 from ifrfit.report.page.charts.typesetting import html
 
-_FURTHER = {"beta": r"$\beta$", "chi2": r"$\chi^2$"}
+_FURTHER = {
+    "beta": r"$\beta$",
+    "chi2": r"$\chi^2$",
+    "U_n": "$U_n$",
+    "U_t": "$U_t$",
+    "V_t": "$V_t$",
+    "mu_r": r"$\mu_r$",
+    "omega_x": r"$\omega_x$",
+    "omega_y": r"$\omega_y$",
+}
 # options with what follows them, quotations, and names of series in brackets
 _VERBATIM = r"--[\w-]+(?:[ =][^\s,;.:)]+(?:[.,:][^\s,;.:)]+)*)?|'[^']*'|\[[^\]]*\]"
 
@@ -53,5 +62,5 @@ def _typeset_symbols(closures: tuple[str, ...]) -> dict[str, str]:
 @cache
 def _pattern(closures: tuple[str, ...]) -> re.Pattern[str]:
     names = "|".join(re.escape(name) for name in sorted(symbols(), key=len, reverse=True))
-    symbol = rf"(?<![\w./\\=-])(?P<name>{names})(?![\w/\\=(-]|\.\w)"
+    symbol = rf"(?<![\w./\\=-])(?P<name>{names})(?![\w\\=(-]|/\S*\.\w|\.\w)"
     return re.compile(rf"{_VERBATIM}|{symbol}|(?<=[\w)])(?P<power>\^-?\d+)")

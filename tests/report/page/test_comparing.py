@@ -122,7 +122,9 @@ def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, appraisal
     (own,) = [part for part in assemble(results("fixed"), appraisal).sections if part.name == "closures"]
     drawn = inline(own.blocks[2].items[0]).split("</desc>")[1]
     assert appraisal.comparison.verdict.says not in drawn
-    assert own.blocks[2].caption.endswith("Bayes factors against the best.")
+    assert own.blocks[2].caption.endswith(
+        "Bayes factors against the best: a closure at -5 is 148 times less probable than the best."
+    )
     assert appraisal.comparison.plot().get_suptitle().replace("\n", " ") == appraisal.comparison.verdict.says
 
 

@@ -15,8 +15,8 @@ from ifrfit.report.sentences import sentence
 
 DESCRIPTION = (
     "A sphere touches a wall. It comes in with velocity u at the angle gamma from the normal of the wall and "
-    "leaves with velocity v. It spins with omega about its centre. The contact point moves along the wall with "
-    "U_t before the impact and V_t after it."
+    "leaves with velocity v. It spins with omega about its centre. The contact point moves along the wall "
+    "with U_t before the impact and V_t after it."
 )
 _STATUSES = (
     "Determined: the data fix it. One-sided: they bound it on one side. Prior: it rests on what was put in. "
@@ -59,9 +59,7 @@ def _definitions(result: FitResult) -> list[Definition]:
     found = [
         Definition(r"\gamma", "angle of incidence, from the normal of the wall", r"\tan\gamma = u_t/u_n"),
         Definition("U_t", "velocity of the contact point along the wall", r"U_t = u_t + R\omega"),
-        Definition(
-            "e_n", "normal restitution: how much of the normal velocity comes back", "e_n = v_n/u_n"
-        ),
+        Definition("e_n", "normal restitution: how much of the normal velocity comes back", "e_n = v_n/u_n"),
         Definition(
             r"\beta",
             "restitution of the contact point: 1 where its velocity turns round, 0 where it stops, -1 where "
@@ -71,9 +69,7 @@ def _definitions(result: FitResult) -> list[Definition]:
         Definition(
             r"\mu", "friction: the largest impulse of friction over the normal impulse", r"P_f \leq \mu P_n"
         ),
-        Definition(
-            r"\kappa", "what the tangential motion sees of friction", r"\kappa = \mu (1 + e_n)"
-        ),
+        Definition(r"\kappa", "what the tangential motion sees of friction", r"\kappa = \mu (1 + e_n)"),
     ]
     if closure is None:
         return found

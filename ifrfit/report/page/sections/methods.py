@@ -69,7 +69,9 @@ def _data(result: FitResult) -> list[str]:
     else:
         amount = f"{len(points)} value{'' if len(points) == 1 else 's'}"
     of = f" of {joined(observables)}" if observables else ""
-    first = f"{stand_in_words(result)}The data are {amount}{of} from {sources or 'a source that is not named'}."
+    first = (
+        f"{stand_in_words(result)}The data are {amount}{of} from {sources or 'a source that is not named'}."
+    )
     return [first, *(words for source in result.inputs if (words := left_out(source)))]
 
 
@@ -90,8 +92,8 @@ def _noise(result: FitResult) -> str:
         "scaled": "Standard uncertainties were those of the data times a factor that was estimated, too",
         "unknown": f"The noise of each observable was estimated with the constants{own}",
         "mixed": (
-            f"Standard uncertainties of {noise.whose(given=True)} were taken as the data give them, the noise "
-            f"of {noise.whose(given=False)} was estimated with the constants{own}"
+            f"Standard uncertainties of {noise.whose(given=True)} were taken as the data give them, the "
+            f"noise of {noise.whose(given=False)} was estimated with the constants{own}"
         ),
     }.get(noise.policy, f"Noise: {noise.policy}")
     law = noise.error_model.words
@@ -111,9 +113,10 @@ def _choices(result: FitResult) -> list[str]:
     separate = [each.name for each in result.asked if each.separate and each.fixed is None]
     if separate and any(len(by_series(result.constants.get(name))) > 1 for name in separate):
         found.append(f"Each series has its own {joined(separate)}.")
-    free = [_free_words(each, is_posterior=result.is_posterior) for each in result.asked if each.fixed is None]
+    known = result.is_posterior
+    free = [_free_words(each, is_posterior=known) for each in result.asked if each.fixed is None]
     if free:
-        found.append(f"{'Priors' if result.is_posterior else 'Bounds'}: {'; '.join(free)}.")
+        found.append(f"{'Priors' if known else 'Bounds'}: {'; '.join(free)}.")
     return found
 
 

@@ -1,4 +1,4 @@
-"""Residuals from three sides: against angle, against order, and against normal quantiles."""
+"""Residuals from all sides: against angle, speed and order, and against normal quantiles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Point
 from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.panels import RESIDUAL_SIZE, is_outlier, look_of, residual_limits, sticks
+from ifrfit.report.panels import ANGLE, RESIDUAL_SIZE, SPEED, is_outlier, look_of, residual_limits, sticks
 from ifrfit.report.provenance import amount_words, stand_in_words
 from ifrfit.report.regimes import REGIMES, regime_name
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
@@ -28,7 +28,7 @@ MARGIN = 0.05  # beside the data, by shares of their range
 
 
 def build(given: ReportInput) -> Sequence[Block] | None:
-    """Standardised residuals against angle, order and normal quantiles; None without points."""
+    """Standardised residuals against angle, speed, order and normal quantiles; None without points."""
     result = given.result
     points = result.points
     if not len(points):
@@ -49,7 +49,18 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                 "residuals-angle",
                 "Residuals against the incidence angle",
                 f"Residuals from {np.nanmin(gamma):.3g} to {np.nanmax(gamma):.3g} degrees. {beyond}",
-                draw_against(result, styles, gamma, "incidence angle γ (deg)"),
+                draw_against(result, styles, gamma, ANGLE),
+            )
+        )
+    speed = points["speed_m_s"].to_numpy(dtype=float)
+    known = speed[np.isfinite(speed)]
+    if known.size and np.ptp(known) > 0.0:
+        pictures.append(
+            Picture(
+                "residuals-speed",
+                "Residuals against the incoming speed",
+                f"Residuals from {known.min():.3g} to {known.max():.3g} m/s. {beyond}",
+                draw_against(result, styles, speed, SPEED),
             )
         )
     if line:
@@ -104,7 +115,7 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     low, high = residual_limits(z[np.isfinite(x)])
     y = Axis(low, high, "residual (σ)", ticks=SIGMAS if high < FEW_SIGMAS else None)
     marks: list[Mark] = [*level, *_marked(result, styles, x, RESIDUAL_SIZE * look_of(len(x)).size)]
-    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=True), y, marks)
+    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=label != SPEED), y, marks)
 
 
 def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
