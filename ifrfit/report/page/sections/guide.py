@@ -75,7 +75,7 @@ def _definitions(result: FitResult) -> list[Definition]:
         return found
     if closure.own is not None:
         found.append(Definition(closure.own.latex, _own_words(closure, closure.own, result), ""))
-    return [*found, _closure(closure, result.inertia_factor)]
+    return [*found, closure_definition(closure, result.inertia_factor)]
 
 
 def _own_words(closure: Closure, own: ClosureConstant, result: FitResult) -> str:
@@ -83,7 +83,7 @@ def _own_words(closure: Closure, own: ClosureConstant, result: FitResult) -> str
     return f"{own.help}, {low:.4g} to {high:.4g}: the constant of closure {closure.title}"
 
 
-def _closure(closure: Closure, inertia_factor: float) -> Definition:
+def closure_definition(closure: Closure, inertia_factor: float) -> Definition:
     """The law of the tangential impulse, with its numbers at this inertia factor where it is bilinear."""
     named = f" ({closure.full_title})" if closure.full_title else ""
     words = f"closure {closure.title}{named}: the impulse along the wall, per mass, is -k times U_t."
