@@ -53,7 +53,7 @@ NUMBER = 11.0  # room for a log Bayes factor left of its bar
 UNDER, UNDER_EVIDENCE = 13.0, 16.0  # for ticks and label of an axis
 WORDS = (
     "log Bayes factor against the best (bars)",
-    f"grey: no preference; axis logarithmic beyond {LINEAR:g}",
+    f"grey: no preference; logarithmic beyond {LINEAR:g}",
 )
 LOO = "LOO difference ± se (points)"
 LONGEST = 26  # characters of a series' name in the legend

@@ -86,7 +86,9 @@ def _own_words(closure: Closure, own: ClosureConstant, result: FitResult) -> str
 def closure_definition(closure: Closure, inertia_factor: float) -> Definition:
     """The law of the tangential impulse, with its numbers at this inertia factor where it is bilinear."""
     named = f" ({closure.full_title})" if closure.full_title else ""
-    words = f"closure {closure.title}{named}: the impulse along the wall, per mass, is -k times U_t."
+    words = (
+        f"closure {closure.title}{named}: the impulse along the wall, per mass, is k times U_t, against it."
+    )
     if not closure.bilinear:
         return Definition("k", f"{words} {sentence(closure.source)}")
     law = closure.coefficients(inertia_factor)
