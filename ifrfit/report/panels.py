@@ -6,6 +6,7 @@ residuals have lines at 2 sigma.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -263,8 +264,13 @@ def is_outlier(result: FitResult, rows: pd.DataFrame) -> Mask:
     fact = result.facts.get("outliers")
     if fact is not None and "limit" in fact.figures:
         named = {str(name) for name in fact.figures.get("rows") or ()}
-        places = rows[["source", "row", "observable"]].itertuples(index=False)
-        return np.array([f"{p.source} line {p.row} ({p.observable})" in named for p in places], dtype=bool)
+        found = np.zeros(len(rows), dtype=bool)
+        # line numbers first: to write the names of all of many rows takes long
+        numbers_of = {int(n) for name in named for n in re.findall(r" line (\d+) ", name)}
+        candidates = np.flatnonzero(rows["row"].isin(numbers_of).to_numpy())
+        places = rows[["source", "row", "observable"]].iloc[candidates].itertuples(index=False)
+        found[candidates] = [f"{p.source} line {p.row} ({p.observable})" in named for p in places]
+        return found
     return np.asarray(np.abs(rows["standardised"].to_numpy(dtype=float)) > outlier_limit(result))
 
 

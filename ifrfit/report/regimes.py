@@ -61,6 +61,11 @@ def _is_oblique(observable: str) -> bool:
     return observable not in OBSERVABLES or OBSERVABLES[observable].kind in OBLIQUE
 
 
+def _of_observables(rows: pd.DataFrame, has: Callable[[str], bool]) -> pd.Series[bool]:
+    """Which rows are of an observable of a kind; each name is asked for once."""
+    return rows["observable"].isin([name for name in rows["observable"].unique() if has(str(name))])
+
+
 def at_true_angles(result: FitResult) -> FitResult:
     """The result with its points at the angles of incidence that it found; the set ones without an offset."""
     offset = result.noise.angle_offset
@@ -112,14 +117,14 @@ def angled_series(result: FitResult) -> list[str]:
     rows = result.points
     if not len(rows):
         return list(result.transitions)
-    angled = rows["observable"].map(lambda name: has_angle(str(name))).astype(bool)
+    angled = _of_observables(rows, has_angle)
     return [str(name) for name in rows["series"][angled].unique()]
 
 
 def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
     """Impacts of a series that stick and that slide, as far as a row measured which they do."""
     rows = result.points
-    oblique = rows["observable"].map(lambda name: _is_oblique(str(name))).astype(bool)
+    oblique = _of_observables(rows, _is_oblique)
     rows = rows[(rows["series"] == series) & rows["gamma_deg"].notna() & oblique]
     sticking = rows["sticking"].map(bool).astype(bool)
     return count_impacts(rows[sticking]), count_impacts(rows[~sticking])

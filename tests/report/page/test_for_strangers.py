@@ -187,3 +187,20 @@ def test_residuals_are_drawn_against_speed_where_speeds_differ():
     assert sorted(drawn) == pytest.approx(sorted(result.points["speed_m_s"]))
     one = ifrfit.fit("kharaz-2001", method="lsq")
     assert "residuals-speed" not in {picture.name for picture in build(ReportInput(one, None))[0].items}
+
+
+def test_a_file_that_is_far_too_long_is_not_written_to_find_that_out(results, monkeypatch):
+    from ifrfit.report.page.sections import repeat
+
+    lengths = []
+
+    def counted(result):
+        lengths.append(len(result.points))
+        return repeat.points_csv(result)
+
+    short = results("fixed")
+    many = replace(short, points=short.points.loc[short.points.index.repeat(5000)])
+    assert len(repeat.points_csv(many)) > repeat.MOST_INSIDE
+    assert repeat._is_too_long(many, counted)
+    assert lengths == [repeat.MOST_SHOWN]
+    assert not repeat._is_too_long(short, counted)

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 SIGMAS = Ticks((-2.0, 0.0, 2.0), ("−2", "0", "2"))
 FEW_SIGMAS = 6.0  # up to here an axis of residuals has ticks at 2 sigma only
+MOST_DRAWN, BEYOND = 5000, 3.0  # points; and sigmas from which on every one is drawn
+BAND_PLACES = 400
 MARGIN = 0.05  # beside the data, by shares of their range
 
 
@@ -90,6 +92,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     )
     if result.is_sampled:
         caption = f"{caption} Of {amount_words(result)}."
+    elif (left := int((~drawn_rows(z)).sum())) > 0:
+        caption += f" {left:,} of {z.size:,} points within ±{BEYOND:g} σ are left out of the pictures."
     return (Pictures(tuple(pictures), caption),)
 
 
@@ -129,8 +133,9 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
     order = np.sort(expected)
     end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
     ends = np.array([-end, end])
+    places = band_places(n)
     marks: list[Mark] = [
-        Band(order, *quantile_band(n), "0.5", 0.2),
+        Band(order[places - 1], *quantile_band(n, places), "0.5", 0.2),
         Line(ends, ends, GREY, 0.8),
         *_marked(result, styles, expected, look_of(n).size),
     ]
@@ -138,17 +143,31 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
     return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)", most=7), marks)
 
 
-def quantile_band(n: int) -> tuple[Array, Array]:
-    """Where 95 % of each order statistic of n normal numbers lie, lowest first, (n,) each.
+def band_places(n: int) -> NDArray[np.int64]:
+    """Orders, from 1, at which the band of n residuals is drawn: all of few, of many denser in the tails."""
+    if n <= BAND_PLACES:
+        return np.arange(1, n + 1)
+    tail = np.round(np.geomspace(1.0, 0.5 * n, BAND_PLACES // 2)).astype(np.int64)
+    return np.unique(np.concatenate((tail, n + 1 - tail)))
+
+
+def quantile_band(n: int, places: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+    """Where 95 % of order statistics of n normal numbers lie, lowest first: of all, or at some places.
 
     The i-th of n uniform numbers has the beta law with i and n + 1 - i.
     """
     from scipy.special import betaincinv, ndtri
 
-    i = np.arange(1.0, n + 1.0)
+    i = np.arange(1.0, n + 1.0) if places is None else places.astype(float)
     tail = 0.5 * (1.0 - LEVEL)
     low, high = (ndtri(betaincinv(i, n + 1.0 - i, p)) for p in (tail, 1.0 - tail))
     return np.asarray(low), np.asarray(high)
+
+
+def drawn_rows(z: Array) -> NDArray[np.bool_]:
+    """Which of many residuals, (n,), are drawn: evenly some of those near zero, and all that lie far out."""
+    step = -(-z.size // MOST_DRAWN)
+    return np.asarray((np.arange(z.size) % step == 0) | ~(np.abs(z) <= BEYOND))
 
 
 def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: float) -> list[Points]:
@@ -156,9 +175,10 @@ def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: f
     rows = result.points
     z, lies_out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
     sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
+    drawn = (drawn_rows(z) | lies_out) & np.isfinite(x)
     found = []
     for name, own in styles.items():
-        at = (rows["series"] == name).to_numpy() & np.isfinite(x)
+        at = (rows["series"] == name).to_numpy() & drawn
         for chosen, fill in ((at & sticking, "#fff"), (at & ~sticking, own.colour)):
             if chosen.any():
                 found.append(Points(x[chosen], z[chosen], own.marker, size, fill, own.colour))
