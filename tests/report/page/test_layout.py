@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from factories import rest_long
+
+from ifrfit.report.page.batch import index, named_entries
 
 EVERY = ("fixed", "hostile", "digitised", "stand-in", "loose", "lsq")
 WIDE = {"width": 1300, "height": 900}
@@ -16,6 +20,16 @@ def test_axe_finds_nothing(opened, pages, name, scheme):
 
     tab = opened(pages(name), color_scheme=scheme, viewport=WIDE).tab
     tab.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    found = Axe().run(tab)
+    assert found.violations_count == 0, found.generate_report()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_in_an_index(opened, results, scheme):
+    from axe_playwright_python.sync_playwright import Axe
+
+    entries = named_entries([(Path(f"{name}.json"), results(name)) for name in ("fixed", "stand-in")], "html")
+    tab = opened(index(entries), color_scheme=scheme, viewport=WIDE).tab
     found = Axe().run(tab)
     assert found.violations_count == 0, found.generate_report()
 
