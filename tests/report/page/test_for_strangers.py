@@ -41,6 +41,8 @@ def test_every_constant_of_the_table_is_defined(reports):
     formulas = {each.symbol: each.formula for each in found.items}
     assert formulas[r"\kappa"] == r"\kappa = \mu (1 + e_n)"
     assert formulas["k"] == r"k = 0.2857 (1 + e_t) + \min(0.4, \kappa U_n/|U_t|)"
+    # theory: beta = e_t + 1 + J in sticking
+    assert formulas["e_t"] == r"\beta = 1.4 + e_t\,\text{in sticking}"
     words = {each.symbol: each.words for each in found.items}
     assert words["k"].startswith("closure IFR (independent friction and restitution): ")
     assert "-1 to -0.4" in words["e_t"]
@@ -74,6 +76,8 @@ def test_lines_are_written_short():
     assert linear_latex(0.25, 0.25, "c") == "0.25 (1 + c)"
     assert linear_latex(0.0, -0.5, "c") == "-0.5 c"
     assert linear_latex(1.0, -0.5, "c") == "1 - 0.5 c"
+    assert linear_latex(1.0, 1.0, "c") == "1 + c"
+    assert linear_latex(1e-17, 1.0, "c") == "c"
 
 
 def test_the_drawing_shows_the_angles_it_names():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.physics.closure import Closure, ClosureConstant
+from ifrfit.physics.closure import Closure, ClosureConstant, rotational_share
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.page.blocks import Block, Definition, Definitions, Paragraph, Picture, Pictures
 from ifrfit.report.page.plugins import ReportSection
@@ -74,13 +74,23 @@ def _definitions(result: FitResult) -> list[Definition]:
     if closure is None:
         return found
     if closure.own is not None:
-        found.append(Definition(closure.own.latex, _own_words(closure, closure.own, result), ""))
+        words = _own_words(closure, closure.own, result)
+        found.append(Definition(closure.own.latex, words, _in_sticking(closure, result.inertia_factor)))
     return [*found, closure_definition(closure, result.inertia_factor)]
 
 
 def _own_words(closure: Closure, own: ClosureConstant, result: FitResult) -> str:
     low, high = closure.domain(result.inertia_factor)
     return f"{own.help}, {low:.4g} to {high:.4g}: the constant of closure {closure.title}"
+
+
+def _in_sticking(closure: Closure, inertia_factor: float) -> str:
+    """Restitution of the contact point in sticking as a line in the closure's constant; empty without one."""
+    if not closure.bilinear or closure.own is None:
+        return ""
+    law, share = closure.coefficients(inertia_factor), rotational_share(inertia_factor)
+    line = linear_latex((law.a0 + law.b0) / share - 1.0, (law.a1 + law.b1) / share, closure.own.latex)
+    return rf"\beta = {line}\,\text{{in {closure.regimes[0]}}}"
 
 
 def closure_definition(closure: Closure, inertia_factor: float) -> Definition:
@@ -102,12 +112,13 @@ def closure_definition(closure: Closure, inertia_factor: float) -> Definition:
 
 def linear_latex(constant: float, slope: float, name: str) -> str:
     """A constant plus a slope times a symbol, in LaTeX, with four digits."""
+    constant, slope = float(f"{constant:.4g}"), float(f"{slope:.4g}")
     if slope == 0.0:
         return f"{constant:.4g}"
-    if constant == slope:
+    if constant == slope != 1.0:
         return f"{constant:.4g} (1 + {name})"
-    term = f"{abs(slope):.4g} {name}"
-    if constant == 0.0:
+    term = name if abs(slope) == 1.0 else f"{abs(slope):.4g} {name}"
+    if abs(constant) < 1e-12:
         return term if slope > 0.0 else f"-{term}"
     return f"{constant:.4g} {'+' if slope > 0.0 else '-'} {term}"
 
