@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ifrfit.inference.comparison.result import Comparison
+    from ifrfit.inference.distributions.marginal_density import MarginalDensity
     from ifrfit.inference.profile.types import ProfileLikelihood
 
 
@@ -33,6 +34,9 @@ class Appraisal:
         All closures by the same data and choices.
     without_comparison : str
         Why closures were not compared; empty where they were, or where nobody asked for it.
+    densities : mapping of str to MarginalDensity
+        Of the free constants and of kappa, by name, where the method is the exact posterior and was
+        integrated by quadrature.
     """
 
     draws: pd.DataFrame
@@ -41,3 +45,4 @@ class Appraisal:
     intervals: pd.DataFrame | None = None
     comparison: Comparison | None = None
     without_comparison: str = ""
+    densities: Mapping[str, MarginalDensity] = field(default_factory=dict)

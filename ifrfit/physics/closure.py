@@ -106,6 +106,10 @@ class Closure:
         constant, and is no omitted effect of a fit by this closure.
     caveat : str
         What every result of it should warn of, as a sentence.
+    full_title : str
+        What the title stands for.
+    references : tuple of str
+        Keys of what to cite, in ``ifrfit/report/page/assets/references.bib``.
     """
 
     name: str
@@ -116,6 +120,8 @@ class Closure:
     regimes: tuple[str, str] = ("sticking", "sliding")
     effect: str = ""
     caveat: str = ""
+    full_title: str = ""
+    references: tuple[str, ...] = ()
 
     @property
     def constant(self) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from ifrfit.inference.estimators import LeastSquares, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report import panels, style
+from ifrfit.report.modes import at_shown_mode, modes_of, other_modes
 from ifrfit.report.panels import handle, is_outlier
 from ifrfit.report.provenance import amount_words, is_stand_in, provenance_words
 from ifrfit.report.regimes import (
@@ -33,6 +34,7 @@ from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.gridspec import SubplotSpec
 
@@ -41,6 +43,7 @@ FONT_SIZE = 6.6
 CHARACTER, LINE, HANDLE = 0.049, 0.145, 0.4
 LONGEST = 48
 MOST_COLUMNS = 3
+SPEEDS = 1.0  # inches more for residuals against speed
 NON_BREAKING = "\u00a0"
 
 
@@ -144,8 +147,11 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
     if any(isinstance(key, tuple) for key in keys):
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
-        entries.append(((shade, handle("|", 8.0, GREY), shade), "transition, 95 % interval"))
+        words = "transition of the mode shown" if modes_of(result) else "transition, 95 % interval"
+        entries.append(((shade, handle("|", 8.0, GREY), shade), words))
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
+    for weight, _ in other_modes(result) if angled.any() else ():
+        entries.append((Line2D([], [], **panels.OTHER_MODE), f"another mode, weight {weight:.2g}"))
     if is_outlier(result, points).any():
         entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
     if result.is_sampled:
@@ -181,7 +187,7 @@ def plot(result: FitResult) -> Figure:
     """
     if not len(result.points):
         raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
-    result = at_true_angles(result)
+    result = at_shown_mode(at_true_angles(result))
     observables = [str(name) for name in result.points["observable"].unique()]
     styles = style.series_styles([str(name) for name in result.points["series"].unique()])
     columns = min(len(observables), MOST_COLUMNS)
@@ -194,13 +200,19 @@ def plot(result: FitResult) -> Figure:
         # a bar for each series above a panel whose series differ in their regimes
         bars = (len(_regimes(result, name, styles)) for name in observables)
         strip = max(count if count > 1 else 0 for count in bars)
-        panel = 3.1 + 0.16 * strip
+        by_speed = {name for name in observables if panels.has_speeds(_rows_of(result, name), name)}
+        panel = 3.1 + 0.16 * strip + (SPEEDS if by_speed else 0.0)
         height = lines * panel + legend.height + 0.17 * (title.count("\n") + 1 if title else 0)
         figure = style.new_figure(width_mm, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(lines, columns)
         for number, observable in enumerate(observables):
-            _draw_panel(figure, grid[divmod(number, columns)], result, observable, styles, strip)
+            cell = grid[divmod(number, columns)]
+            rooms = _rooms(figure, cell, strip, speeds=bool(by_speed))
+            if observable not in by_speed and rooms.speeds is not None:
+                rooms.speeds.remove()
+                rooms = replace(rooms, speeds=None)
+            _draw_panel(figure, rooms, result, observable, styles)
         if title:
             figure.suptitle(title, fontsize=8.5, weight="bold")
         legend.draw(figure)
@@ -208,24 +220,35 @@ def plot(result: FitResult) -> Figure:
     return figure
 
 
-def _draw_panel(
-    figure: Figure,
-    cell: SubplotSpec,
-    result: FitResult,
-    observable: str,
-    styles: dict[str, style.SeriesStyle],
-    strip: int,
-) -> None:
-    inner = cell.subgridspec(3, 1, height_ratios=[max(0.16 * strip, 1e-3), 2.0, 0.75], hspace=0.03)
+@dataclass(frozen=True)
+class Rooms:
+    """The axes of one observable, from top to bottom; `speeds` where a panel of the figure has some."""
+
+    strip: SubplotSpec
+    data: Axes
+    residuals: Axes
+    speeds: Axes | None
+
+
+def _rooms(figure: Figure, cell: SubplotSpec, strip: int, *, speeds: bool) -> Rooms:
+    heights = [max(0.16 * strip, 1e-3), 2.0, 0.75, *([0.75] if speeds else [])]
+    inner = cell.subgridspec(len(heights), 1, height_ratios=heights, hspace=0.03)
     data = figure.add_subplot(inner[1])
     residuals = figure.add_subplot(inner[2], sharex=data)
-    panels.draw_panel(data, residuals, result, observable, styles)
+    return Rooms(inner[0], data, residuals, figure.add_subplot(inner[3]) if speeds else None)
+
+
+def _draw_panel(
+    figure: Figure, rooms: Rooms, result: FitResult, observable: str, styles: dict[str, style.SeriesStyle]
+) -> None:
+    data, residuals = rooms.data, rooms.residuals
+    panels.draw_panel(data, residuals, result, observable, styles, rooms.speeds)
     data.tick_params(labelbottom=False)
     data.set_xlabel("")
-    figure.align_ylabels([data, residuals])
+    figure.align_ylabels([data, residuals, *(() if rooms.speeds is None else (rooms.speeds,))])
     regimes, name = _regimes(result, observable, styles), partial(regime_name, result)
     if len(regimes) > 1:
-        draw_strip(figure.add_subplot(inner[0], sharex=data), regimes, name)
+        draw_strip(figure.add_subplot(rooms.strip, sharex=data), regimes, name)
     elif regimes and regimes[0].spans:
         shade(data, regimes[0], words=True, name=name)
         shade(residuals, regimes[0], words=False)
@@ -233,8 +256,12 @@ def _draw_panel(
         note_open_transition(data, result, _series_of(result, observable)[0])
 
 
+def _rows_of(result: FitResult, observable: str) -> pd.DataFrame:
+    return result.points[result.points["observable"] == observable]
+
+
 def _series_of(result: FitResult, observable: str) -> list[str]:
-    rows = result.points[result.points["observable"] == observable]
+    rows = _rows_of(result, observable)
     return [str(name) for name in rows["series"].unique()]
 
 

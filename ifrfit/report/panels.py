@@ -6,6 +6,7 @@ residuals have lines at 2 sigma.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
+from ifrfit.report.modes import other_modes
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Dashes, SeriesStyle, series_styles, write_watermark
@@ -39,6 +41,7 @@ CROWD = 200
 ANGLE, SPEED = "incidence angle γ (deg)", "incoming speed (m/s)"
 NUMBER = "measurement (number, in order)"
 BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
+OTHER_MODE: dict[str, Any] = {"color": "0.25", "lw": 0.9, "ls": (0, (1, 1.2))}
 FEW_POINTS, MANY = 60, 2000
 PIXELS = 500  # from here on points are pixels in the svg too, or it would be huge
 
@@ -261,8 +264,13 @@ def is_outlier(result: FitResult, rows: pd.DataFrame) -> Mask:
     fact = result.facts.get("outliers")
     if fact is not None and "limit" in fact.figures:
         named = {str(name) for name in fact.figures.get("rows") or ()}
-        places = rows[["source", "row", "observable"]].itertuples(index=False)
-        return np.array([f"{p.source} line {p.row} ({p.observable})" in named for p in places], dtype=bool)
+        found = np.zeros(len(rows), dtype=bool)
+        # line numbers first: to write the names of all of many rows takes long
+        numbers_of = {int(n) for name in named for n in re.findall(r" line (\d+) ", name)}
+        candidates = np.flatnonzero(rows["row"].isin(numbers_of).to_numpy())
+        places = rows[["source", "row", "observable"]].iloc[candidates].itertuples(index=False)
+        found[candidates] = [f"{p.source} line {p.row} ({p.observable})" in named for p in places]
+        return found
     return np.asarray(np.abs(rows["standardised"].to_numpy(dtype=float)) > outlier_limit(result))
 
 
@@ -302,15 +310,27 @@ def curves(result: FitResult, observable: str, names: list[str], *, bands: bool 
 
 
 def draw_panel(
-    data: Axes, residuals: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]
+    data: Axes,
+    residuals: Axes,
+    result: FitResult,
+    observable: str,
+    styles: dict[str, SeriesStyle],
+    speeds: Axes | None = None,
 ) -> None:
-    """Draw data with error bars and curves with bands, and standardised residuals under them."""
+    """Draw data with error bars and curves with bands, and standardised residuals under them.
+
+    With axes `speeds` residuals are drawn against the incoming speed, too.
+    """
     draw_data(data, result, observable, styles)
     draw_residuals_of(residuals, result, observable, styles)
+    if speeds is not None:
+        rows = rows_of(result, observable)
+        look = look_of(len(rows), angled=has_angle(observable))
+        draw_residuals_by_speed(speeds, result, rows, styles, look)
 
 
 def draw_data(axes: Axes, result: FitResult, observable: str, styles: dict[str, SeriesStyle]) -> None:
-    """Draw data with error bars and curves with bands."""
+    """Draw data with error bars and curves with bands; other modes dotted."""
     rows = rows_of(result, observable)
     names = [str(name) for name in rows["series"].unique()]
     found, angled = curves(result, observable, names), has_angle(observable)
@@ -324,6 +344,9 @@ def draw_data(axes: Axes, result: FitResult, observable: str, styles: dict[str, 
             level = _as_level(curve, _span(points.x, label))
             draw_curve(axes, level, shades=(0.35, 0.45), behind=IN_FRONT - 0.1, front=IN_FRONT)
         draw_points(axes, points, look)
+    for _, mode in other_modes(result) if angled else ():
+        for curve in curves(mode, observable, names, bands=False):
+            axes.plot(curve.x, curve.y, zorder=2.8, **OTHER_MODE)
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
     axes.set_ylabel(axis_label(observable))
     _set_angles(axes, result, x, label)
@@ -359,6 +382,28 @@ def _points_by_series(
         own = (rows["series"] == name).to_numpy()
         several.append(_points(result, rows[own], x[own], styles[str(name)], angled))
     return several
+
+
+def draw_residuals_by_speed(
+    axes: Axes, result: FitResult, rows: pd.DataFrame, styles: dict[str, SeriesStyle], look: Look
+) -> None:
+    """Draw standardised residuals of an observable against the incoming speed of each row."""
+    several, angled = [], has_angle(str(rows["observable"].iloc[0]))
+    for name in rows["series"].unique():
+        own = rows[rows["series"] == name]
+        (speed,) = numbers(own, "speed_m_s")
+        several.append(_points(result, own, speed, styles[str(name)], angled))
+    draw_residuals(axes, several, look)
+    axes.set_xlabel(SPEED)
+
+
+def has_speeds(rows: pd.DataFrame, observable: str) -> bool:
+    """Whether residuals of an observable are worth drawing against speed: known, and of several values.
+
+    Not where the observable is drawn over the speed itself.
+    """
+    (speed,) = numbers(rows, "speed_m_s")
+    return bool(len(rows)) and _differs(speed) and abscissa(rows, observable)[1] != SPEED
 
 
 def abscissa(rows: pd.DataFrame, observable: str) -> tuple[Array, str]:

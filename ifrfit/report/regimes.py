@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ifrfit.inference.model.entry_names import name_in
 from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.physics import CLOSURES, OBSERVABLES
+from ifrfit.physics import CLOSURES, OBSERVABLES, transition_angles, transition_tau
+from ifrfit.report.modes import at_shown_mode, modes_of
 from ifrfit.report.sentences import by_series, plus_minus, span_text
 from ifrfit.report.style import GREY, STICKING_SHADE, SeriesStyle
 from ifrfit.text import joined
@@ -59,6 +61,11 @@ def _is_oblique(observable: str) -> bool:
     return observable not in OBSERVABLES or OBSERVABLES[observable].kind in OBLIQUE
 
 
+def _of_observables(rows: pd.DataFrame, has: Callable[[str], bool]) -> pd.Series[bool]:
+    """Which rows are of an observable of a kind; each name is asked for once."""
+    return rows["observable"].isin([name for name in rows["observable"].unique() if has(str(name))])
+
+
 def at_true_angles(result: FitResult) -> FitResult:
     """The result with its points at the angles of incidence that it found; the set ones without an offset."""
     offset = result.noise.angle_offset
@@ -73,6 +80,26 @@ def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:
     if entry is None:
         return ()
     return (entry,) if isinstance(entry, Estimate) else tuple(entry)
+
+
+def typical_spin(result: FitResult, series: str) -> tuple[float, float]:
+    """R omega/u before impact, along x and y, of the median row of a series; none without points."""
+    rows = result.points[result.points["series"] == series] if len(result.points) else result.points
+    if not len(rows):
+        return 0.0, 0.0
+    return float(rows["spin_x"].median()), float(rows["spin_y"].median())
+
+
+def spin_words(result: FitResult, series: str) -> str:
+    """At which spin the transition of a series is given: its typical one."""
+    if not len(result.points):
+        return "at the typical spin"
+    parts = [
+        f"R omega_{axis}/u = {spin:.3g}"
+        for axis, spin in zip("xy", typical_spin(result, series), strict=True)
+        if spin
+    ]
+    return f"at {joined(parts)}" if parts else "without spin"
 
 
 def transition_is_open(result: FitResult, series: str) -> bool:
@@ -90,14 +117,14 @@ def angled_series(result: FitResult) -> list[str]:
     rows = result.points
     if not len(rows):
         return list(result.transitions)
-    angled = rows["observable"].map(lambda name: has_angle(str(name))).astype(bool)
+    angled = _of_observables(rows, has_angle)
     return [str(name) for name in rows["series"][angled].unique()]
 
 
 def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
     """Impacts of a series that stick and that slide, as far as a row measured which they do."""
     rows = result.points
-    oblique = rows["observable"].map(lambda name: _is_oblique(str(name))).astype(bool)
+    oblique = _of_observables(rows, _is_oblique)
     rows = rows[(rows["series"] == series) & rows["gamma_deg"].notna() & oblique]
     sticking = rows["sticking"].map(bool).astype(bool)
     return count_impacts(rows[sticking]), count_impacts(rows[~sticking])
@@ -139,14 +166,18 @@ def transition_words(result: FitResult, series: str, counts: tuple[int, int] | N
             return "no transition at its typical spin"
         return f"no transition: all {does(result, 'sliding' if slide else 'sticking')}"
     words = [plus_minus(angle, sign) for angle in angles]
-    return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees"
+    spin = f" {spin_words(result, series)}" if any(typical_spin(result, series)) else ""
+    return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees{spin}"
 
 
 def regime_key(result: FitResult, series: str) -> Key | None:
     """What is drawn as the regimes of a series: its transitions (value, low, high), or one word.
 
-    A word where there is no transition: "sticking" or "sliding"; None where it is not known.
+    A word where there is no transition: "sticking" or "sliding"; None where it is not known. Of several modes
+    it is that of the one whose curve is drawn, without an interval, which would be that of all.
     """
+    if modes_of(result):
+        return _key_of_point(result, series)
     if transition_is_open(result, series):
         return None
     angles = transitions(result, series)
@@ -157,6 +188,22 @@ def regime_key(result: FitResult, series: str) -> Key | None:
     if not sticking.any():
         return "sliding"
     return "sticking" if sticking.all() else None
+
+
+def _key_of_point(result: FitResult, series: str) -> Key | None:
+    """Regimes of the mode whose curve is drawn."""
+    closure = CLOSURES.get(result.closure)
+    if closure is None:
+        return None
+    state = at_shown_mode(result).state
+    point = dict(zip(state.names, state.point.tolist(), strict=True))
+    c = 0.0 if closure.constant is None else point[name_in(point, closure.constant, series)]
+    tau = transition_tau(closure, c, point[name_in(point, "kappa", series)], result.inertia_factor)
+    spin = typical_spin(result, series)
+    angles = transition_angles(tau, *spin)
+    if angles:
+        return tuple((angle, angle, angle) for angle in angles)
+    return "sliding" if tau <= math.hypot(*spin) else "sticking"
 
 
 def _angle(estimate: Estimate) -> tuple[float, float, float]:

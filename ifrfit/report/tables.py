@@ -1,12 +1,14 @@
-"""Tables to paste: Markdown, LaTeX and HTML."""
+"""Tables to paste: Markdown, LaTeX, HTML and CSV."""
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 from collections.abc import Callable, Sequence
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
-from ifrfit.report.page.html import environment
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.sentences import (
@@ -18,7 +20,9 @@ from ifrfit.report.sentences import (
     plus_minus,
     span_text,
 )
+from ifrfit.report.templating import environment
 
+CSV_HEAD = ("constant", "series", "value", "sd", "low68", "high68", "low95", "high95", "remark")
 _LATEX_SPECIAL = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -44,7 +48,27 @@ def latex(result: FitResult) -> str:
     """A LaTeX tabular that needs no package, with provenance and notes under it."""
     data = ", ".join(f"{s.name} ({provenance_words(kinds_of(result, s))})" for s in result.inputs)
     rows = [_latex_cells(row) for row in table_rows(result)]
-    return _filled("result.tex.j2", result, "+-", rows, _latex, data=data)
+    return _filled("result.tex.j2", result, "+-", rows, latex_text, data=data)
+
+
+def csv_text(result: FitResult) -> str:
+    """Constants and what follows from them as CSV: all digits, empty cells for what is not known."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_HEAD)
+    for row in table_rows(result):
+        if row.estimate is None:
+            writer.writerow([row.name, row.series, row.plain, *[""] * 5, row.remark])
+            continue
+        one = row.estimate
+        ends = () if one.status == "fixed" else (*one.interval68, *one.interval95)
+        numbers = [_number(x) for x in (one.value, one.stderr, *(ends or (None,) * 4))]
+        writer.writerow([row.name, row.series, *numbers, row.remark])
+    return text.getvalue()
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or math.isnan(value) else repr(float(value))
 
 
 def _filled(
@@ -96,15 +120,15 @@ def _interval(row: Row) -> str:
 
 
 def _latex_cells(row: Row) -> tuple[str, ...]:
-    name = constant_symbols().get(row.name, _latex(row.name)) + (
-        f" ({_latex(row.series)})" if row.series else ""
+    name = constant_symbols().get(row.name, latex_text(row.name)) + (
+        f" ({latex_text(row.series)})" if row.series else ""
     )
     value, span = _plus_minus(row, r"\pm"), _interval(row)
     return (
         name,
         "--" if value == "-" else f"${value}$",
         span if span in ("", "any value") else f"${span}$",
-        _latex(row.remark),
+        latex_text(row.remark),
     )
 
 
@@ -123,5 +147,6 @@ def _markdown(text: str) -> str:
     return text
 
 
-def _latex(text: str) -> str:
+def latex_text(text: str) -> str:
+    """Text whose characters mean nothing in LaTeX."""
     return text.translate(_LATEX_SPECIAL)

@@ -338,3 +338,25 @@ def test_a_narrow_regime_is_named_upright(made):
     (data, _), *_ = panels_of(plot(result))
     turned = {text.get_text(): text.get_rotation() for text in data.texts}
     assert turned == {"sticking": 90.0, "sliding": 0.0}
+
+
+def test_residuals_are_drawn_against_speed_where_speeds_are_known_and_differ(made):
+    result = ifrfit.fit("cornell-glass", method="lsq")
+    figure = plot(result)
+    shown = [axes for axes in figure.axes if axes.axison]
+    labels = [axes.get_xlabel() for axes in shown]
+    by_speed = [axes for axes in shown if axes.get_xlabel() == "incoming speed (m/s)"]
+    assert len(by_speed) == 2, labels
+    for axes, observable in zip(by_speed, result.points["observable"].unique(), strict=True):
+        rows = result.points[result.points["observable"] == observable]
+        marks = [line for line in axes.lines if line.get_marker() == "o"]
+        drawn = np.concatenate([np.stack(line.get_data(), axis=1) for line in marks])
+        expected = rows[["speed_m_s", "standardised"]].to_numpy(dtype=float)
+        order = [part[np.argsort(part[:, 0])] for part in (drawn, expected)]
+        np.testing.assert_allclose(*order)
+    assert cut_off(figure) == []
+    # e_n, which was read at each angle, stands over the angle
+    assert labels[:2] == ["", "incidence angle γ (deg)"]
+    assert shown[0].get_ylabel().startswith("normal restitution")
+    one_speed = plot(ifrfit.fit("kharaz-2001", method="lsq"))
+    assert not any("speed" in axes.get_xlabel() for axes in one_speed.axes)

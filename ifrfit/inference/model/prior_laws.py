@@ -76,6 +76,11 @@ class PriorLaw:
         """Whether its density is neither normal nor uniform."""
         return False
 
+    @property
+    def words(self) -> str:
+        """As a report says it."""
+        return str(self)
+
 
 @dataclass(frozen=True)
 class Normal(PriorLaw):
@@ -237,6 +242,11 @@ class LogNormal(PriorLaw):
         """It is."""
         return True
 
+    @property
+    def words(self) -> str:
+        """With its median."""
+        return f"log-normal with median {self.median:.6g} and {self.log_sd:.6g} as sd of the logarithm"
+
 
 @dataclass(frozen=True)
 class Beta(PriorLaw):
@@ -287,6 +297,11 @@ class Beta(PriorLaw):
     def is_shaped(self) -> bool:
         """It is, but for the flat one."""
         return True
+
+    @property
+    def words(self) -> str:
+        """By its name in mathematics: the small letters are those of a restitution."""
+        return f"as Beta({self.a:.6g}, {self.b:.6g})"
 
 
 LAWS: dict[str, type[PriorLaw]] = {

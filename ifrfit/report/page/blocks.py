@@ -51,6 +51,8 @@ class Table:
         Columns that are aligned to the right.
     folded : bool
         Long enough to be shown on request where the medium can.
+    is_verbatim : bool
+        Whether names are those of columns and files: media that typeset symbols leave them as they are.
     """
 
     caption: str
@@ -58,6 +60,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     numbers: frozenset[int] = frozenset()
     folded: bool = False
+    is_verbatim: bool = False
     kind: ClassVar[str] = "table"
 
 
@@ -70,11 +73,46 @@ class Pairs:
 
 
 @dataclass(frozen=True)
+class Definition:
+    """A symbol, what it means, and its formula.
+
+    Attributes
+    ----------
+    symbol : str
+        LaTeX, without dollars, of what `ifrfit.report.page.charts.typesetting` knows.
+    words : str
+    formula : str
+        Likewise; empty where there is none.
+    """
+
+    symbol: str
+    words: str
+    formula: str = ""
+
+
+@dataclass(frozen=True)
+class Definitions:
+    """Symbols with their meaning."""
+
+    items: tuple[Definition, ...]
+    kind: ClassVar[str] = "definitions"
+
+
+@dataclass(frozen=True)
 class Code:
-    """A command line to copy, with what it does."""
+    """A text to copy, with what it is.
+
+    Attributes
+    ----------
+    words : str
+    text : str
+    is_command : bool
+        Whether it is a command line, which media may break anywhere between words; else its lines stay.
+    """
 
     words: str
     text: str
+    is_command: bool = True
     kind: ClassVar[str] = "code"
 
 
@@ -129,16 +167,25 @@ class Download:
     kind: ClassVar[str] = "download"
 
 
-Block = Paragraph | Findings | Table | Pairs | Code | Pictures | Panel | Download
+Block = Paragraph | Findings | Table | Pairs | Definitions | Code | Pictures | Panel | Download
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the report under a heading of its own."""
+    """A part of the report under a heading of its own.
+
+    Attributes
+    ----------
+    name, title : str
+    blocks : tuple of Block
+    beside : frozenset of str
+        Kinds of blocks that stand beside the others where the medium is wide enough.
+    """
 
     name: str
     title: str
     blocks: tuple[Block, ...]
+    beside: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

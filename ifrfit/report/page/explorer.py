@@ -14,6 +14,8 @@ from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import panels, style
 from ifrfit.report.page.charts.chart import shortened
+from ifrfit.report.page.charts.typesetting import runs
+from ifrfit.report.page.symbols import symbols
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import at_true_angles
 from ifrfit.report.sentences import undetermined
@@ -22,6 +24,7 @@ from ifrfit.text import joined
 Array = NDArray[np.float64]
 
 MOST_ROWS = 2000
+_SPINS = {"spin_y": r"spin, back ($R\omega_y/u$)", "spin_x": r"spin, lateral ($R\omega_x/u$)"}
 RIDGE = 1e-12  # of a correlation matrix: a direction without any spread still has a distance
 
 
@@ -67,6 +70,10 @@ def payload(result: FitResult) -> dict[str, Any]:
         "inertia": float(result.inertia_factor),
         "across": panels.ANGLE + (", fitted offset added" if has_offset else ""),
         "fitted": result.closure,
+        "symbols": {
+            name: [[run.text, run.is_slanted, run.level] for run in runs(latex)]
+            for name, latex in (symbols() | _SPINS).items()
+        },
         "closures": {
             name: _closure(closure, result.inertia_factor)
             for name, closure in CLOSURES.items()

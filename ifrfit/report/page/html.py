@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.charts.typesetting import html as formula
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
+from ifrfit.report.page.symbols import typeset
+from ifrfit.report.templating import environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -44,25 +47,19 @@ def fill(template: str, *, script: str, **content: Any) -> str:
     """
     sheet = colours() + asset("page.css")
     return (
-        environment()
+        page_environment()
         .get_template(template)
         .render(sheet=sheet, script=script, policy=policy(sheet, script), generator=GENERATOR, **content)
     )
 
 
-def environment(*, autoescape: bool = True) -> Environment:
-    """Jinja2 that refuses undefined names, and escapes what means something in HTML if `autoescape`."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    found = Environment(
-        loader=PackageLoader("ifrfit.report.page"),
-        autoescape=autoescape,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+def page_environment() -> Environment:
+    """Templates with the filters of pages."""
+    found = environment()
     found.filters["data_uri"] = data_uri
     found.filters["picture"] = _picture
+    found.filters["typeset"] = _typeset
+    found.filters["formula"] = _formula
     return found
 
 
@@ -113,6 +110,19 @@ def _picture(picture: Any, alone: bool) -> Any:
 
     # our own figure, written by an XML writer that escapes every text
     return Markup(inline(picture, alone=alone))
+
+
+def _typeset(text: str) -> Any:
+    from markupsafe import Markup
+
+    # escaped piece by piece
+    return Markup(typeset(text))
+
+
+def _formula(latex: str) -> Any:
+    from markupsafe import Markup
+
+    return Markup(formula(latex))
 
 
 FORMAT = ReportFormat("html", lambda report, stem: {f"{stem}.html": render(report).encode("utf-8")})

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ifrfit.report.page.blocks import Pictures, Report
-from ifrfit.report.page.html import environment
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import file_text
+from ifrfit.report.templating import environment
 
 _SPECIAL = "\\`*_{}[]<>|#"
 

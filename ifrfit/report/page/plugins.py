@@ -38,11 +38,20 @@ class FormatWriter(Protocol):
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A section: its name (anchor of the page), its heading, and what builds it."""
+    """A section: its name (anchor of the page), its heading, and what builds it.
+
+    Attributes
+    ----------
+    name, title : str
+    build : SectionBuilder
+    beside : frozenset of str
+        Kinds of its blocks that stand in a second column where the page is wide.
+    """
 
     name: str
     title: str
     build: SectionBuilder
+    beside: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

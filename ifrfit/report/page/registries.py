@@ -15,7 +15,9 @@ from ifrfit.report.page.sections import (
     effects,
     findings,
     fitted,
+    guide,
     identifiability,
+    methods,
     posterior,
     predictive,
     profiles,
@@ -29,6 +31,7 @@ SECTIONS: Registry[ReportSection] = Registry(
     ReportSection,
     (
         constants.SECTION,
+        guide.SECTION,
         findings.SECTION,
         fitted.SECTION,
         residuals.SECTION,
@@ -39,6 +42,7 @@ SECTIONS: Registry[ReportSection] = Registry(
         closures.SECTION,
         identifiability.SECTION,
         chains.SECTION,
+        methods.SECTION,
         repeat.SECTION,
     ),
 )

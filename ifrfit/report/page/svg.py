@@ -18,7 +18,8 @@ _XLINK = "{http://www.w3.org/1999/xlink}href"
 _NAMESPACE = "http://www.w3.org/2000/svg"
 DROPPED = ("metadata", "style")
 PIXELS = 106.0  # an inch: a little larger than in print
-WIDE = 480.0  # pixels from which a picture is scrolled rather than shrunk in a narrow window
+# pixels from which a picture is scrolled rather than shrunk in a narrow window, and has a wide one for itself
+WIDE, WIDEST = 560.0, 900.0
 SMALL, LARGER = 400.0, 1.45  # how wide a small figure is at most, and how much larger it is shown
 
 
@@ -146,5 +147,5 @@ def _size(width: float, height: float, alone: bool) -> dict[str, str]:
     """How large it is, from inches, where there is room: wide ones are scrolled in a narrow window."""
     width, height = PIXELS * width, PIXELS * height
     scale = LARGER if alone and width <= SMALL else 1.0
-    wide = {"class": "wide"} if width > WIDE else {}
+    wide = {"class": "wide widest" if width > WIDEST else "wide"} if width > WIDE else {}
     return {"width": f"{scale * width:.0f}", "height": f"{scale * height:.0f}", **wide}

@@ -156,7 +156,7 @@ def assemble(result: FitResult, appraisal: Appraisal, figure: str | None = None)
     """
     given = ReportInput(result, appraisal, figure)
     sections = tuple(
-        Section(section.name, section.title, tuple(blocks))
+        Section(section.name, section.title, tuple(blocks), section.beside)
         for section in SECTIONS.values()
         if (blocks := section.build(given)) is not None
     )

@@ -11,6 +11,7 @@ from scipy import integrate, stats
 
 import ifrfit
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.prior_density import kappa_prior_density, prior_density
 from ifrfit.inference.model.prior_laws import LAWS, read_law
 
 GAMMA = np.linspace(5.0, 80.0, 16)
@@ -174,3 +175,22 @@ def test_laws_that_do_not_fit_their_constant():
             ifrfit.fit(TABLE, fix={"e_n": 0.9}, prior=prior)
     with pytest.raises(UsageError, match="contradicts bounds"):
         ifrfit.fit(TABLE, fix={"e_n": 0.9}, prior={"mu": ifrfit.Uniform(0.1, 0.2)}, bounds={"mu": (0.1, 0.3)})
+
+
+def test_the_page_draws_and_names_the_law(tmp_path):
+    fit = ifrfit.fit(TABLE, prior={"e_n": ifrfit.Beta(20.0, 3.0), "mu": ifrfit.LogNormal(0.15, 0.1)})
+    e_n, _, mu = fit.asked
+    x = np.linspace(0.05, 0.4, 30)
+    reference = stats.lognorm(0.1, scale=0.15)
+    np.testing.assert_allclose(prior_density(mu, x), reference.pdf(x), rtol=1e-9)
+    drawn = (1.0 + stats.beta(20.0, 3.0).rvs(200_000, random_state=1)) * reference.rvs(
+        200_000, random_state=2
+    )
+    share, edges = np.histogram(drawn, bins=20, range=(0.2, 0.4), density=True)
+    share *= np.mean((drawn >= 0.2) & (drawn <= 0.4))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    np.testing.assert_allclose(kappa_prior_density(e_n, mu, middle), share, rtol=0.1, atol=0.1)
+    fit.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "log-normal with median 0.15 and 0.1 as sd of the logarithm" in page
+    assert "as Beta(20, 3)" in page

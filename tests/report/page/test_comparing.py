@@ -17,8 +17,9 @@ from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.comparison.figure import strip_labels
 from ifrfit.report.page import assemble
-from ifrfit.report.page.charts.chart import Bars, Box, Points
-from ifrfit.report.page.sections.closures import LONGEST, _entries, draw_closures
+from ifrfit.report.page.charts.chart import Bars, Box, Points, Words
+from ifrfit.report.page.charts.typesetting import width
+from ifrfit.report.page.sections.closures import LONGEST, _entries, draw_closures, evidence_text
 from ifrfit.report.page.svg import inline
 from ifrfit.report.style import series_styles
 
@@ -100,6 +101,24 @@ def test_the_table_is_that_of_the_terminal(results, appraisal):
     assert bars == [found.entries[name].log_bayes_factor for name in found.ranked]
 
 
+def test_every_bar_says_its_number_and_stands_clear_of_it(appraisal):
+    found = appraisal.comparison
+    chart = draw_closures(found)
+    panel = chart.panels[-1]
+    written = [mark for mark in panel.marks if isinstance(mark, Words)]
+    assert [words.text for words in written] == [
+        evidence_text(found.entries[name].log_bayes_factor) for name in found.ranked
+    ]
+    assert evidence_text(0.0) == "best"
+    assert (evidence_text(-1.26), evidence_text(-123.4)) == ("−1.3", "−123")
+    low, high = panel.x.scale.position(np.array([panel.x.low, panel.x.high]))
+    for words, name in zip(written, found.ranked, strict=True):
+        assert words.x < min(0.0, found.entries[name].log_bayes_factor)
+        place = (panel.x.scale.position(np.array([words.x]))[0] - low) / (high - low) * panel.width
+        # millimetres from the frame, of a text that ends there
+        assert place > width(words.text, words.size) * 25.4 / 72.0
+
+
 def test_cross_validation_is_drawn_beside_the_evidence(appraisal):
     found = appraisal.comparison
     loo = Loo(10.0, 1.0, 2.0, -3.0, 1.5, 100, 0.5, (), (), ("1",), np.zeros(1), np.zeros(1))
@@ -122,7 +141,9 @@ def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, appraisal
     (own,) = [part for part in assemble(results("fixed"), appraisal).sections if part.name == "closures"]
     drawn = inline(own.blocks[2].items[0]).split("</desc>")[1]
     assert appraisal.comparison.verdict.says not in drawn
-    assert own.blocks[2].caption.endswith("Bayes factors against the best.")
+    assert own.blocks[2].caption.endswith(
+        "Bayes factors against the best: a closure at -5 is 148 times less probable than the best."
+    )
     assert appraisal.comparison.plot().get_suptitle().replace("\n", " ") == appraisal.comparison.verdict.says
 
 

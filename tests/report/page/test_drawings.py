@@ -28,7 +28,13 @@ from ifrfit.report.page.sections.identifiability import (
 from ifrfit.report.page.sections.posterior import Regions, contours, draw_corner, regions, smoothed
 from ifrfit.report.page.sections.predictive import draw_checks
 from ifrfit.report.page.sections.profiles import draw_profile
-from ifrfit.report.page.sections.residuals import draw_against, draw_quantiles, quantile_band
+from ifrfit.report.page.sections.residuals import (
+    band_places,
+    draw_against,
+    draw_quantiles,
+    drawn_rows,
+    quantile_band,
+)
 from ifrfit.report.page.svg import inline
 from ifrfit.report.style import drawing, new_figure, series_styles, svg_text
 
@@ -51,6 +57,27 @@ def test_the_band_of_ordered_residuals_holds_95_per_cent_of_each():
     # five standard deviations of a share of 0.95 among so many
     assert np.abs(inside - 0.95).max() < 5.0 * math.sqrt(0.95 * 0.05 / runs)
     assert low[0] == pytest.approx(stats.norm.ppf(stats.beta.ppf(0.025, 1, n)))
+
+
+def test_of_many_residuals_all_that_lie_far_out_are_drawn():
+    z = np.random.default_rng(4).standard_normal(60_001)
+    z[[7, 11]] = 3.5, np.nan
+    drawn = drawn_rows(z)
+    assert drawn[[7, 11]].all()
+    assert drawn[np.abs(z) > 3.0].all()
+    assert 4_000 < drawn.sum() < 5_500
+    assert drawn_rows(z[:5000]).all()
+
+
+def test_the_band_of_many_residuals_has_few_places_and_the_same_limits():
+    n = 20_000
+    places = band_places(n)
+    assert places.size <= 400
+    assert {1, 2, n - 1, n} <= set(places.tolist())
+    whole = quantile_band(n)
+    for few, every in zip(quantile_band(n, places), whole, strict=True):
+        np.testing.assert_allclose(few, every[places - 1], rtol=1e-12)
+    assert band_places(12).tolist() == list(range(1, 13))
 
 
 def test_residuals_are_drawn_where_they_are(results):
@@ -96,8 +123,11 @@ def test_a_corner_has_a_cell_a_pair():
     assert len(chart.panels) == 6
     assert {float(line.x[0]) for line in of(chart, Line)} >= {-2.0, 2.0}
     histogram = of(chart, Band)[0]
-    counts, _ = np.histogram(columns["e_n"], bins=30, range=(chart.panels[0].x.low, chart.panels[0].x.high))
-    assert histogram.high[1:-1:2].tolist() == counts.tolist()
+    window = chart.panels[0].x.low, chart.panels[0].x.high
+    expected, _ = np.histogram(columns["e_n"], bins=30, range=window, density=True)
+    # of all draws, not only of those within the window
+    inside = np.mean((columns["e_n"] >= window[0]) & (columns["e_n"] <= window[1]))
+    assert histogram.high[1:-1:2] == pytest.approx(inside * expected)
 
 
 def test_a_corner_holds_the_stated_intervals():

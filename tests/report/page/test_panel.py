@@ -73,18 +73,19 @@ def test_every_readout_is_what_the_package_computes(opened, pages, results):
 def test_a_fixed_constant_that_is_moved_is_named(opened, pages):
     shown = opened(pages("fixed"))
     shown.move("e_n", 0.5)
-    assert "e_n had no spread in the fit" in shown.text("distance")
+    assert "en had no spread in the fit" in shown.text("distance")
 
 
 def test_a_start_that_the_data_do_not_determine_is_called_that(opened, pages):
-    assert "Not determined by the data: e_n, mu;" in opened(pages("loose")).text("note")
+    assert "Not determined by the data: en, μ;" in opened(pages("loose")).text("note")
     assert "Not determined" not in opened(pages("fixed")).text("note")
 
 
 def test_another_closure_keeps_the_restitution_in_sticking(opened, pages):
     shown = opened(pages("fixed"))
     shown.tab.select_option("#explorer-closure", "fr")
-    assert shown.text("c-label") == "beta0"
+    assert shown.text("c-label") == "β0"
+    assert shown.tab.locator("#explorer-c-label i").text_content() == "β"
     assert "not defined: the fit is of closure IFR" in shown.text("distance")
     e_t = first_number(shown.tab.get_attribute("#explorer-c", "aria-valuetext")) - 1.4
     shown.tab.click("#explorer-back")

@@ -6,7 +6,6 @@
   if (!root) return;
   const data = JSON.parse($("data").textContent);
   const SLIDERS = ["e_n", "c", "mu", "spin_y", "spin_x"];
-  const LABELS = { e_n: "e_n", mu: "mu", spin_y: "spin, back (Rω_y/u)", spin_x: "spin, lateral (Rω_x/u)" };
   const ANGLES = Array.from({ length: 179 }, (_, i) => 0.5 + i / 2);
   const angled = data.observables.map((o, i) => ({ ...o, index: i })).filter((o) => o.angled);
   const count = data.rows.value.length;
@@ -217,6 +216,23 @@
 
   // ---- words
 
+  // names of constants as symbols, everything else as it is
+  const NAMES = new RegExp(`\\b(${Object.keys(data.symbols).sort((p, q) => q.length - p.length).join("|")})\\b`);
+
+  function say(element, text) {
+    element.replaceChildren(...text.split(NAMES).flatMap((part, i) => (i % 2 ? data.symbols[part].map(typeset) : [part])));
+  }
+
+  function typeset([text, slanted, level]) {
+    let node = document.createTextNode(text);
+    for (const tag of [slanted ? "i" : "", level < 0 ? "sub" : level > 0 ? "sup" : ""].filter(Boolean)) {
+      const element = document.createElement(tag);
+      element.append(node);
+      node = element;
+    }
+    return node;
+  }
+
   const short = (number, digits) => number.toFixed(digits).replace("-", "−");
 
   function words() {
@@ -230,7 +246,7 @@
     } else {
       const { sd, fixed } = distance(v);
       const moved = fixed.length ? `; ${fixed.join(" and ")} had no spread in the fit` : "";
-      $("distance").textContent = `${sd < 100 ? sd.toFixed(2) : sd.toPrecision(3)} sd from the stated values${moved}`;
+      say($("distance"), `${sd < 100 ? sd.toFixed(2) : sd.toPrecision(3)} sd from the stated values${moved}`);
     }
     const angles = ifrfit.transitions(closure(), v.e_n, v.c, v.mu, v.spin_x, v.spin_y);
     const sticks = ifrfit.rebound(ifrfit.incidence(45, v.spin_x, v.spin_y), closure(), v.e_n, v.c, v.mu, data.inertia).sticking;
@@ -245,7 +261,7 @@
     if (data.left_out.length) said.push(`The panel has no formula for ${data.left_out.join(", ")} and leaves these values out.`);
     if (data.groups.length > 1) said.push(`It counts the rows of ${own.name} alone, whose constants these are.`);
     if (v.spin_x !== own.spin_x || v.spin_y !== own.spin_y) said.push(`The dashed curve is at the spin chosen, the data of ${own.name} are not.`);
-    $("note").textContent = said.join(" ");
+    say($("note"), said.join(" "));
     $("legend").textContent = `Solid: the constants chosen${group().series.length > 1 ? ", each series at its own spin" : ""}. Dotted: the stated values${group().series.length > 1 ? ` at the spin of ${own.name}` : ""}.`;
   }
 
@@ -262,7 +278,7 @@
       slider.max = high;
       slider.step = "any";
       slider.value = state.values[name];
-      $(`${name}-label`).textContent = name === "c" ? (constant ?? "") : LABELS[name];
+      say($(`${name}-label`), name === "c" ? (constant ?? "") : name);
       const text = short(state.values[name], 4);
       $(`${name}-value`).textContent = text;
       slider.setAttribute("aria-valuetext", text);

@@ -110,6 +110,22 @@ class SymmetricLogarithmic:
         places = [-x for x in reversed(found) if -x >= low] + [0.0] + [x for x in found if x <= high]
         return Ticks(tuple(places), tuple(number_text(x, 0) for x in places))
 
+    def value(self, position: float) -> float:
+        """What lies at a position."""
+        size = abs(position)
+        value = size if size <= 1.0 else 10.0 ** (size - 1.0)
+        return math.copysign(self.threshold * value, position)
+
+    def widened(self, low: float, high: float, share: float) -> float:
+        """A lower end that leaves a share of the axis, 0 to 1, below `low`."""
+        start, end = self.position(np.array([low, high])).tolist()
+        return self.value(end - (end - start) / (1.0 - share))
+
+    def shifted(self, x: float, share: float, low: float, high: float) -> float:
+        """The value that lies a share of an axis, from `low` to `high`, above another one."""
+        at, start, end = self.position(np.array([x, low, high])).tolist()
+        return self.value(at + share * (end - start))
+
 
 def _step(low: float, high: float, most: int, whole: bool) -> float:
     """The least nice step that makes at most `most` ticks."""

@@ -1,4 +1,4 @@
-"""Text of charts: symbols typeset as mathematics writes them, and about how wide a text is."""
+"""Symbols typeset as mathematics writes them, in charts and in HTML, and about how wide a text is."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ GREEK = {
 _TOKEN = re.compile(
     r"\\(?P<command>[A-Za-z]+)|\\(?P<space>[,;: !])|(?P<shift>[_^])|(?P<brace>[{}])|(?P<one>.)"
 )
+_RELATIONS = {"leq": "≤", "geq": "≥", "cdot": "·", "times": "×", "pm": "±"}
 _UPRIGHT = {"mathrm", "text", "rm", "operatorname"}
 _INVALID = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")  # what no XML may hold
 
@@ -85,7 +86,7 @@ def _item(
 
 def _letters(token: re.Match[str], is_upright: bool) -> tuple[str, bool]:
     if token["command"]:
-        name = token["command"]
+        name = _RELATIONS.get(token["command"], token["command"])
         return (GREEK[name], not is_upright and name[0].islower()) if name in GREEK else (name, False)
     if token["space"]:
         return "\u2009", False
@@ -119,4 +120,15 @@ def content(text: str, size: float) -> str:
         attributes += f' font-size="{SUBSCRIPT * size:.1f}"' if run.level else ""
         pieces.append(f"<tspan{attributes}>{words}</tspan>" if attributes else words)
         lowered = place
+    return "".join(pieces)
+
+
+def html(text: str) -> str:
+    """A text as HTML: escaped, symbols slanted, sub- and superscripts as ``sub`` and ``sup``."""
+    pieces = []
+    for run in runs(text):
+        words = escape(_INVALID.sub("", run.text))
+        words = f"<i>{words}</i>" if run.is_slanted else words
+        tag = "sub" if run.level < 0 else "sup" if run.level > 0 else ""
+        pieces.append(f"<{tag}>{words}</{tag}>" if tag else words)
     return "".join(pieces)

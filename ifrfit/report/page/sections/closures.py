@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.comparison.result import Entry as ComparedClosure
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels
 from ifrfit.report.comparison.figure import (
@@ -37,7 +38,7 @@ from ifrfit.report.page.charts.chart import (
     plain,
     shortened,
 )
-from ifrfit.report.page.charts.scales import SymmetricLogarithmic, Ticks
+from ifrfit.report.page.charts.scales import SymmetricLogarithmic, Ticks, number_text
 from ifrfit.report.page.charts.typesetting import width
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
@@ -48,10 +49,11 @@ from ifrfit.report.style import GREY, PANEL_WIDTH_MM, SeriesStyle, series_styles
 
 # millimetres
 LEFT, RIGHT, TOP, DATA, STRIP, GAP, BAR = 22.5, 3.0, 3.0, 56.0, 10.0, 0.6, 4.4
+NUMBER = 11.0  # room for a log Bayes factor left of its bar
 UNDER, UNDER_EVIDENCE = 13.0, 16.0  # for ticks and label of an axis
 WORDS = (
     "log Bayes factor against the best (bars)",
-    f"grey: no preference; axis logarithmic beyond {LINEAR:g}",
+    f"grey: no preference; logarithmic beyond {LINEAR:g}",
 )
 LOO = "LOO difference ± se (points)"
 LONGEST = 26  # characters of a series' name in the legend
@@ -84,11 +86,12 @@ def build(given: ReportInput) -> Sequence[Block] | None:
 
 
 def _caption(comparison: Comparison) -> str:
+    scale = f"a closure at -5 is {math.exp(5.0):.0f} times less probable than the best"
     if not observables_over_angle(comparison):
-        return "Log Bayes factors against the best."
+        return f"Log Bayes factors against the best: {scale}."
     return (
         "Data with the best curve of each closure, the residuals of each in units of its own sigma, and log "
-        "Bayes factors against the best."
+        f"Bayes factors against the best: {scale}."
     )
 
 
@@ -194,7 +197,8 @@ def _evidence(
     comparison: Comparison, styles: dict[str, SeriesStyle], top: float, wide: float, tall: float
 ) -> Panel:
     """Bars of log Bayes factors and points of cross-validation, against the best closure."""
-    ranked, marks = comparison.ranked, [Box((-INDIFFERENT, 0.0), (-math.inf, math.inf), "0.9")]
+    ranked = comparison.ranked
+    marks: list[Mark] = [Box((-INDIFFERENT, 0.0), (-math.inf, math.inf), "0.9")]
     crossed: list[Mark] = []
     for place, name in enumerate(ranked):
         entry, at = comparison.entries[name], np.array([float(place)])
@@ -205,12 +209,32 @@ def _evidence(
             crossed.append(Bars(at, difference - se, difference + se, "x", width=0.8, cap=4.0))
             crossed.append(Points(difference, at, "o", 3.2, "#fff", "#000"))
     words = WORDS + ((LOO,) if crossed else ())
-    x = Axis(
-        *evidence_limits(comparison), "\n".join(words), SymmetricLogarithmic(LINEAR), mirrored=True, most=8
-    )
+    low, high = evidence_limits(comparison)
+    scale = SymmetricLogarithmic(LINEAR)
+    low = scale.widened(low, high, NUMBER / wide)
+    x = Axis(low, high, "\n".join(words), scale, mirrored=True, most=8)
+    for place, name in enumerate(ranked):
+        entry = comparison.entries[name]
+        left = scale.shifted(_lowest(entry), -0.01, low, high)
+        marks.append(Words(left, place, evidence_text(entry.log_bayes_factor), 6.5, anchor="end"))
     names = Ticks(tuple(map(float, range(len(ranked)))), tuple(title(name) for name in ranked))
     y = Axis(len(ranked) - 0.4, -0.6, ticks=names, mirrored=True)
     return Panel(LEFT, top, wide, tall, x, y, (*marks, *crossed))
+
+
+def _lowest(entry: ComparedClosure) -> float:
+    """Where the bar of a closure ends, or what cross-validation says of it."""
+    ends = [0.0, entry.log_bayes_factor]
+    if entry.loo is not None:
+        ends.append(entry.loo.difference - float(np.nan_to_num(entry.loo.se_difference)))
+    return min(ends)
+
+
+def evidence_text(log_bayes_factor: float) -> str:
+    """A log Bayes factor, to a tenth where it is small; the best closure's is 0."""
+    if log_bayes_factor == 0.0:
+        return "best"
+    return number_text(log_bayes_factor, 1 if abs(log_bayes_factor) < 10.0 else 0)
 
 
 def _entries(comparison: Comparison, styles: dict[str, SeriesStyle], observables: list[str]) -> list[Entry]:
@@ -252,4 +276,4 @@ def _rows_of_legend(entries: Iterable[Entry], wide: float) -> tuple[tuple[Entry,
     return tuple(tuple(row) for row in rows)
 
 
-SECTION = ReportSection("closures", "Closures compared", build)
+SECTION = ReportSection("closures", "Closures compared", build, frozenset({"pictures"}))

@@ -16,13 +16,14 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import table_rows
-from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
+from ifrfit.report.page.blocks import Block, Download, Findings, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.charts.chart import Axis, Chart, Line, Mark, Points, lines_panel, shortened, symbol
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.regimes import transitions
+from ifrfit.report.regimes import spin_words, transitions
 from ifrfit.report.sentences import by_series, labelled, places_of, status_words, value_text
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
+from ifrfit.report.tables import csv_text, latex
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -42,7 +43,9 @@ def build(given: ReportInput) -> Sequence[Block]:
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
-        )
+        ),
+        Download("constants.csv", "text/csv", csv_text(given.result), "This table with all digits."),
+        Download("constants.tex", "text/x-tex", latex(given.result), "The same for LaTeX."),
     ]
     pictures = tuple(_pictures(given))
     if pictures:
@@ -72,7 +75,11 @@ def _rows(result: FitResult) -> list[tuple[str, ...]]:
             rows.append((row.label, row.plain, "", "", "", row.remark))
         else:
             rows.append(_row(row.label, row.estimate, row.remark))
-    return rows + [_row(label, estimate, status_words(estimate)) for label, estimate in derived(result)]
+    for series in result.transitions:
+        spin = spin_words(result, series)
+        for label, angle in transition_angles_of(result, series):
+            rows.append(_row(label, angle, f"{status_words(angle)}; {spin}"))
+    return rows + [_row(label, estimate, status_words(estimate)) for label, estimate in meanings(result)]
 
 
 def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
@@ -84,19 +91,20 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
     return (label, value_text(estimate), sd, inner, outer, remark)
 
 
-def derived(result: FitResult) -> list[tuple[str, Estimate]]:
-    """Transition angles and the restitution in sticking, by name."""
-    found = []
-    for series in result.transitions:
-        whose = f" [{series}]" if len(result.transitions) > 1 else ""
-        for angle in transitions(result, series):
-            found.append((f"transition angle, deg{whose}", angle))
+def transition_angles_of(result: FitResult, series: str) -> list[tuple[str, Estimate]]:
+    """Transition angles of a series, by name."""
+    whose = f" [{series}]" if len(result.transitions) > 1 else ""
+    return [(f"transition angle, deg{whose}", angle) for angle in transitions(result, series)]
+
+
+def meanings(result: FitResult) -> list[tuple[str, Estimate]]:
+    """What the closure's constant stands for, by name, where that has no row beside it."""
     closure = CLOSURES.get(result.closure)
     meaning = None if closure is None or (closure.own and closure.own.meaning) else closure.meaning
     if meaning is None:
-        return found  # what a closure itself declares stands beside its constant
+        return []  # what a closure itself declares stands beside its constant
     each = by_series(result.derived.get(meaning.name))
-    return found + [(labelled(meaning.words, series), estimate) for series, estimate in each.items()]
+    return [(labelled(meaning.words, series), estimate) for series, estimate in each.items()]
 
 
 def _pictures(given: ReportInput) -> list[Picture]:
@@ -255,4 +263,4 @@ def _window(numbers: Iterable[float | None], otherwise: Interval, share: float) 
     return low - room, high + room
 
 
-SECTION = ReportSection("constants", "Constants", build)
+SECTION = ReportSection("constants", "Constants", build, frozenset({"pictures"}))

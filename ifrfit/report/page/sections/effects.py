@@ -96,4 +96,4 @@ def _criteria(lines: tuple[EffectLine, ...]) -> Table:
     )
 
 
-SECTION = ReportSection("effects", "Effects beyond the closure", build)
+SECTION = ReportSection("effects", "Effects beyond the closure", build, frozenset({"table"}))

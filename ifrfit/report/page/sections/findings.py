@@ -29,4 +29,4 @@ def build(given: ReportInput) -> Sequence[Block]:
     return (*paragraphs, Findings(tuple(findings(result))))
 
 
-SECTION = ReportSection("findings", "Data, model and findings", build)
+SECTION = ReportSection("findings", "Data, model and findings", build, frozenset({"findings"}))

@@ -40,4 +40,4 @@ def build(given: ReportInput) -> Sequence[Block]:
     return blocks
 
 
-SECTION = ReportSection("fit", "Fit", build)
+SECTION = ReportSection("fit", "Fit", build, frozenset({"panel"}))

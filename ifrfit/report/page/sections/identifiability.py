@@ -164,4 +164,4 @@ def _ratios(ratio: Array, left: float, wide: float, tall: float) -> Panel:
     return Panel(left, TOP_MM, wide, tall, x, y, tuple(marks), "loose if shaded")
 
 
-SECTION = ReportSection("identifiability", "Identifiability", build)
+SECTION = ReportSection("identifiability", "Identifiability", build, frozenset({"pictures"}))

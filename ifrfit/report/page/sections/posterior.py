@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.distributions.marginal_density import MarginalDensity, marginal_window
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.model.prior_density import kappa_prior_density, prior_density
 from ifrfit.inference.result.types import Interval
+from ifrfit.report.modes import modes_of
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Panel, Points, symbol
 from ifrfit.report.page.charts.scales import Ticks
@@ -24,6 +27,7 @@ Array = NDArray[np.float64]
 
 CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM, TOP_MM = 36.0, 15.0, 11.0, 3.2, 2.0  # the gap holds a note on ticks
 BINS = 30
+PRIOR_PLACES = 61
 LONGEST = 10  # characters of a series' name
 SHOWN = 400  # draws drawn as points
 GRID = 40  # cells a side behind the contours
@@ -60,11 +64,14 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                     "corner",
                     "Marginals and pairs",
                     f"{described}.",
-                    draw_corner(columns, {name: estimates[name].interval95 for name in shown}),
+                    draw_corner(
+                        columns,
+                        {name: estimates[name].interval95 for name in shown},
+                        marginals(given, columns),
+                    ),
                 ),
             ),
-            f"{len(draws)} draws, {law}. Diagonal: marginal, with its median and the stated 95 % interval "
-            f"(dashed). Below: pairs with the contours that hold 68 % (solid) and 95 % (dashed).{left_out}",
+            f"{_caption(given, shown, law, len(draws))}{left_out}",
         )
     ]
     labels, matrix = result.correlation.names, result.correlation.matrix
@@ -75,7 +82,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
         blocks.append(
             Table(
                 "Correlation of the free constants.",
-                ("", *labels),
+                ("constant", *labels),
                 rows,
                 frozenset(range(1, len(labels) + 1)),
             )
@@ -87,26 +94,47 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     return blocks
 
 
-def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval]) -> Chart:
-    """Histograms on the diagonal; points with the contours of 68 and 95 % under it.
+def _caption(given: ReportInput, shown: Sequence[str], law: str, count: int) -> str:
+    """What is seen, and how it was made."""
+    exact = all(name in given.appraisal.densities for name in shown)
+    diagonal = "marginal density as integrated" if exact else f"histogram of {count} draws"
+    prior = "; grey: its prior" if given.result.is_posterior and given.result.asked else ""
+    modes = "; triangles: the modes that the fit found" if modes_of(given.result) else ""
+    return (
+        f"{law[:1].upper()}{law[1:]}. Diagonal: {diagonal}, with its median and the stated 95 % interval "
+        f"(dashed){prior}{modes}. Below: pairs by {count} draws, with the contours that hold 68 % (solid) "
+        "and 95 % (dashed)."
+    )
+
+
+def draw_corner(
+    columns: Mapping[str, Array],
+    intervals: Mapping[str, Interval],
+    diagonal: Mapping[str, Marginal] | None = None,
+) -> Chart:
+    """Marginals on the diagonal; points with the contours of 68 and 95 % under it.
 
     Parameters
     ----------
     columns : mapping of str to ndarray, (m,)
         Draws by name of the constant.
     intervals : mapping of str to tuple of float
-        95 % interval of each, shaded; infinite ends run out of the picture.
+        95 % interval of each; infinite ends run out of the picture.
+    diagonal : mapping of str to Marginal, optional
+        What is drawn of each by itself; histograms of the draws where it is not given.
     """
     names = list(columns)
     n = len(names)
     extent = n * CELL_MM + (n - 1) * GAP_MM
-    windows = {name: _window(column, intervals.get(name, ())) for name, column in columns.items()}
+    windows = {name: marginal_window(column, intervals.get(name, ())) for name, column in columns.items()}
+    alone = {name: Marginal.of_draws(column, windows[name]) for name, column in columns.items()}
+    alone |= diagonal or {}
     panels = []
     for row, below in enumerate(names):
         for column, across in enumerate(names[: row + 1]):
             x = _axis(across, windows[across], is_outer=row == n - 1)
             if row == column:
-                marks, top = _marginal(columns[across], windows[across], intervals.get(across))
+                marks, top = _marginal(alone[across], windows[across], intervals.get(across))
                 y = Axis(0.0, top, ticks=Ticks((), ()))
             else:
                 marks = _pair(columns[across], columns[below], windows[across], windows[below])
@@ -123,31 +151,99 @@ def _axis(name: str, window: Interval, *, is_outer: bool) -> Axis:
     return Axis(*window, label, most=4, labelled=is_outer, inside=True)
 
 
-def _window(column: Array, interval: Sequence[float]) -> Interval:
-    """The range that holds all but a few draws and the finite ends of an interval, with some room."""
-    ends = [end for end in interval if math.isfinite(end)]
-    low, high = (
-        f([end, *ends]) for f, end in zip((min, max), np.quantile(column, (0.002, 0.998)), strict=True)
-    )
-    room = 0.04 * (high - low) or 1e-6 * max(1.0, abs(float(low)))
-    return float(low - room), float(high + room)
-
-
-def _marginal(column: Array, window: Interval, interval: Interval | None) -> tuple[list[Mark], float]:
-    """A histogram, its median and interval; and the upper end of its axis."""
-    counts, edges = np.histogram(column, bins=BINS, range=window)
-    top = 1.12 * float(counts.max())
-    x, heights = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(counts, 2), [0.0]))
-    median = np.full(2, float(np.median(column)))
-    marks: list[Mark] = [
+def _marginal(shown: Marginal, window: Interval, interval: Interval | None) -> tuple[list[Mark], float]:
+    """The prior in grey, a density or a histogram over it, median, interval, modes; and the axis' end."""
+    x, heights = shown.outline
+    top = 1.12 * float(heights.max())
+    marks: list[Mark] = []
+    if shown.prior is not None:
+        at, prior = shown.prior
+        marks += [Band(at, np.zeros(at.size), prior, "0.5", 0.25), Line(at, prior, "0.5", 0.8)]
+    marks += [
         Band(x, np.zeros(x.size), heights, COLOURS[0], 0.3),
         Line(x, heights, COLOURS[0], 1.0),
-        Line(median, np.array([0.0, top]), GREY, 1.0),
+        Line(np.full(2, shown.median), np.array([0.0, top]), GREY, 1.0),
     ]
     for end in interval or ():
         if window[0] < end < window[1]:
             marks.append(Line(np.full(2, end), np.array([0.0, top]), GREY, 0.8, RESIDUAL_DASHES))
+    modes = np.array([mode for mode in shown.modes if window[0] < mode < window[1]])
+    if modes.size:
+        marks.append(Points(modes, np.full(modes.size, 0.96 * top), "v", 4.5, COLOURS[1], "#000", 0.6))
     return marks, top
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """What is drawn of one quantity.
+
+    Attributes
+    ----------
+    outline : tuple of ndarray
+        Values and heights of a density, or the steps of a histogram of that area, (n,) each.
+    median : float
+    prior : tuple of ndarray, or None
+        Values and density of the prior, (m,) each, within the same window.
+    modes : tuple of float
+        The quantity at each of several modes; empty where there is one.
+    """
+
+    outline: tuple[Array, Array]
+    median: float
+    prior: tuple[Array, Array] | None = None
+    modes: tuple[float, ...] = ()
+
+    @classmethod
+    def of_density(cls, found: MarginalDensity, **more: Any) -> Marginal:
+        """By its own density, closed where it ends at a bound."""
+        x = np.concatenate((found.edges[:1], found.middles, found.edges[-1:]))
+        heights = np.concatenate((found.density[:1], found.density, found.density[-1:]))
+        return cls((x, heights), found.median, **more)
+
+    @classmethod
+    def of_draws(cls, column: Array, window: Interval, **more: Any) -> Marginal:
+        """By a histogram of draws, (n,)."""
+        counts, edges = np.histogram(column, bins=BINS, range=window)
+        heights = counts / (column.size * (edges[1] - edges[0]))
+        outline = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(heights, 2), [0.0]))
+        return cls(outline, float(np.median(column)), **more)
+
+
+def marginals(given: ReportInput, columns: Mapping[str, Array]) -> dict[str, Marginal]:
+    """What is drawn of each of some quantities, whose draws are the columns."""
+    found = {}
+    for name, column in columns.items():
+        density = given.appraisal.densities.get(name)
+        window = marginal_window(column)
+        more: dict[str, Any] = {"prior": _prior(given, name, window), "modes": _modes(given, name)}
+        found[name] = (
+            Marginal.of_draws(column, window, **more)
+            if density is None
+            else Marginal.of_density(density, **more)
+        )
+    return found
+
+
+def _prior(given: ReportInput, name: str, window: Interval) -> tuple[Array, Array] | None:
+    """The prior of a constant or of kappa, where the method has one and the result says which."""
+    asked = {each.name: each for each in given.result.asked}
+    kind = quantity_of(name)
+    if not given.result.is_posterior:
+        return None
+    if kind in asked:
+        ends = max(window[0], asked[kind].lower), min(window[1], asked[kind].prior_upper)
+        at = np.linspace(*ends, PRIOR_PLACES)
+        return at, prior_density(asked[kind], at)
+    at = np.linspace(*window, PRIOR_PLACES)
+    if kind == "kappa" and {"e_n", "mu"} <= asked.keys():
+        return at, kappa_prior_density(asked["e_n"], asked["mu"], at)
+    return None
+
+
+def _modes(given: ReportInput, name: str) -> tuple[float, ...]:
+    """Values of a quantity at each of several modes that the fit found."""
+    found = [mode["constants"] for mode in modes_of(given.result)]
+    return tuple(float(mode[name]) for mode in found if name in mode)
 
 
 def _pair(x: Array, y: Array, across: Interval, below: Interval) -> list[Mark]:
@@ -231,4 +327,4 @@ def _around(column: Array) -> Interval:
     return float(column.min()) - room, float(column.max()) + room
 
 
-SECTION = ReportSection("posterior", "Posterior", build)
+SECTION = ReportSection("posterior", "Posterior", build, frozenset({"table"}))

@@ -79,4 +79,4 @@ def draw_checks(p: Mapping[str, float]) -> Chart:
     return lines_panel(list(p), x, marks, 110.0, 42.0, below=0.5)
 
 
-SECTION = ReportSection("predictive", "Posterior predictive checks", build)
+SECTION = ReportSection("predictive", "Posterior predictive checks", build, frozenset({"pictures"}))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,14 +41,14 @@ def build(given: ReportInput) -> Sequence[Block]:
     if not len(result.points):
         blocks.append(Paragraph("The result holds no points, so this report holds none either.", "note"))
         return blocks
-    text = points_csv(result)
-    fits_inside = len(text) <= MOST_INSIDE
+    text = "" if _is_too_long(result, points_csv) else points_csv(result)
+    fits_inside = 0 < len(text) <= MOST_INSIDE
     if fits_inside:
         data = amount_words(result).capitalize() if result.is_sampled else "The data used"
         words = f"{stand_in_words(result)}{data}, in the common schema."
         blocks.append(Download(POINTS, "text/csv", text, words))
-    whole = dumps(result.to_dict())
-    if len(whole) <= MOST_INSIDE:
+    whole = "" if _is_too_long(result, _json) else _json(result)
+    if 0 < len(whole) <= MOST_INSIDE:
         words = "The whole result, which ifrfit report and ifrfit predict read."
         blocks.append(Download("result.json", "application/json", whole, words))
     repeat_line = from_points(result, POINTS)
@@ -58,6 +58,19 @@ def build(given: ReportInput) -> Sequence[Block]:
         blocks.append(Paragraph(f"The data ({len(result.points)} rows) are too large for this page.", "note"))
     blocks.append(_table(result))
     return blocks
+
+
+def _json(result: FitResult) -> str:
+    return dumps(result.to_dict())
+
+
+def _is_too_long(result: FitResult, written: Callable[[FitResult], str]) -> bool:
+    """Whether a file would be too long by far, from its first rows: all of many take long to write."""
+    count = len(result.points)
+    if count <= MOST_SHOWN:
+        return False
+    first = written(replace(result, points=result.points.head(MOST_SHOWN)))
+    return len(first) / MOST_SHOWN * count > 2.0 * MOST_INSIDE
 
 
 def points_csv(result: FitResult) -> str:
@@ -119,7 +132,8 @@ def _table(result: FitResult) -> Table:
         f"{stand_in_words(result)}The data: {amount_words(result)} used, with the fitted values and "
         f"standardised residuals.{left}"
     )
-    return Table(caption, head, rows, frozenset(range(3, len(head) - 1)), folded=len(rows) > FOLDED)
+    numbers_of = frozenset(range(3, len(head) - 1))
+    return Table(caption, head, rows, numbers_of, folded=len(rows) > FOLDED, is_verbatim=True)
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Residuals from three sides: against angle, against order, and against normal quantiles."""
+"""Residuals from all sides: against angle, speed and order, and against normal quantiles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Point
 from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.panels import RESIDUAL_SIZE, is_outlier, look_of, residual_limits, sticks
+from ifrfit.report.panels import ANGLE, RESIDUAL_SIZE, SPEED, is_outlier, look_of, residual_limits, sticks
 from ifrfit.report.provenance import amount_words, stand_in_words
 from ifrfit.report.regimes import REGIMES, regime_name
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
@@ -24,11 +24,13 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 SIGMAS = Ticks((-2.0, 0.0, 2.0), ("−2", "0", "2"))
 FEW_SIGMAS = 6.0  # up to here an axis of residuals has ticks at 2 sigma only
+MOST_DRAWN, BEYOND = 5000, 3.0  # points; and sigmas from which on every one is drawn
+BAND_PLACES = 400
 MARGIN = 0.05  # beside the data, by shares of their range
 
 
 def build(given: ReportInput) -> Sequence[Block] | None:
-    """Standardised residuals against angle, order and normal quantiles; None without points."""
+    """Standardised residuals against angle, speed, order and normal quantiles; None without points."""
     result = given.result
     points = result.points
     if not len(points):
@@ -49,7 +51,18 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                 "residuals-angle",
                 "Residuals against the incidence angle",
                 f"Residuals from {np.nanmin(gamma):.3g} to {np.nanmax(gamma):.3g} degrees. {beyond}",
-                draw_against(result, styles, gamma, "incidence angle γ (deg)"),
+                draw_against(result, styles, gamma, ANGLE),
+            )
+        )
+    speed = points["speed_m_s"].to_numpy(dtype=float)
+    known = speed[np.isfinite(speed)]
+    if known.size and np.ptp(known) > 0.0:
+        pictures.append(
+            Picture(
+                "residuals-speed",
+                "Residuals against the incoming speed",
+                f"Residuals from {known.min():.3g} to {known.max():.3g} m/s. {beyond}",
+                draw_against(result, styles, speed, SPEED),
             )
         )
     if line:
@@ -79,6 +92,8 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     )
     if result.is_sampled:
         caption = f"{caption} Of {amount_words(result)}."
+    elif (left := int((~drawn_rows(z)).sum())) > 0:
+        caption += f" {left:,} of {z.size:,} points within ±{BEYOND:g} σ are left out of the pictures."
     return (Pictures(tuple(pictures), caption),)
 
 
@@ -104,7 +119,7 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     low, high = residual_limits(z[np.isfinite(x)])
     y = Axis(low, high, "residual (σ)", ticks=SIGMAS if high < FEW_SIGMAS else None)
     marks: list[Mark] = [*level, *_marked(result, styles, x, RESIDUAL_SIZE * look_of(len(x)).size)]
-    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=True), y, marks)
+    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=label != SPEED), y, marks)
 
 
 def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
@@ -118,8 +133,9 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
     order = np.sort(expected)
     end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
     ends = np.array([-end, end])
+    places = band_places(n)
     marks: list[Mark] = [
-        Band(order, *quantile_band(n), "0.5", 0.2),
+        Band(order[places - 1], *quantile_band(n, places), "0.5", 0.2),
         Line(ends, ends, GREY, 0.8),
         *_marked(result, styles, expected, look_of(n).size),
     ]
@@ -127,17 +143,31 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
     return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)", most=7), marks)
 
 
-def quantile_band(n: int) -> tuple[Array, Array]:
-    """Where 95 % of each order statistic of n normal numbers lie, lowest first, (n,) each.
+def band_places(n: int) -> NDArray[np.int64]:
+    """Orders, from 1, at which the band of n residuals is drawn: all of few, of many denser in the tails."""
+    if n <= BAND_PLACES:
+        return np.arange(1, n + 1)
+    tail = np.round(np.geomspace(1.0, 0.5 * n, BAND_PLACES // 2)).astype(np.int64)
+    return np.unique(np.concatenate((tail, n + 1 - tail)))
+
+
+def quantile_band(n: int, places: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+    """Where 95 % of order statistics of n normal numbers lie, lowest first: of all, or at some places.
 
     The i-th of n uniform numbers has the beta law with i and n + 1 - i.
     """
     from scipy.special import betaincinv, ndtri
 
-    i = np.arange(1.0, n + 1.0)
+    i = np.arange(1.0, n + 1.0) if places is None else places.astype(float)
     tail = 0.5 * (1.0 - LEVEL)
     low, high = (ndtri(betaincinv(i, n + 1.0 - i, p)) for p in (tail, 1.0 - tail))
     return np.asarray(low), np.asarray(high)
+
+
+def drawn_rows(z: Array) -> NDArray[np.bool_]:
+    """Which of many residuals, (n,), are drawn: evenly some of those near zero, and all that lie far out."""
+    step = -(-z.size // MOST_DRAWN)
+    return np.asarray((np.arange(z.size) % step == 0) | ~(np.abs(z) <= BEYOND))
 
 
 def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: float) -> list[Points]:
@@ -145,9 +175,10 @@ def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: f
     rows = result.points
     z, lies_out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
     sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
+    drawn = (drawn_rows(z) | lies_out) & np.isfinite(x)
     found = []
     for name, own in styles.items():
-        at = (rows["series"] == name).to_numpy() & np.isfinite(x)
+        at = (rows["series"] == name).to_numpy() & drawn
         for chosen, fill in ((at & sticking, "#fff"), (at & ~sticking, own.colour)):
             if chosen.any():
                 found.append(Points(x[chosen], z[chosen], own.marker, size, fill, own.colour))

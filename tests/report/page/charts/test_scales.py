@@ -75,6 +75,17 @@ def test_a_symmetric_scale_is_linear_near_zero():
     assert scale.ticks(-4.0, 1.0, 6).labels == ("−4", "−3", "−2", "−1", "0", "1")
 
 
+def test_room_on_a_symmetric_scale_is_a_share_of_the_axis():
+    scale = SymmetricLogarithmic(5.0)
+    for value in (-500.0, -5.0, -2.5, 0.0, 3.0, 70.0):
+        assert scale.value(float(scale.position(np.array([value]))[0])) == pytest.approx(value)
+    low = scale.widened(-500.0, 0.0, 0.25)
+    start, inner, end = scale.position(np.array([low, -500.0, 0.0]))
+    assert (inner - start) / (end - start) == pytest.approx(0.25)
+    moved = scale.position(np.array([scale.shifted(-50.0, -0.1, low, 0.0), -50.0]))
+    assert moved[1] - moved[0] == pytest.approx(0.1 * (end - start))
+
+
 def test_a_number_has_a_true_minus_and_no_negative_zero():
     assert number_text(-0.25, 2) == "−0.25"
     assert number_text(-0.001, 2) == "0.00"
