@@ -38,6 +38,7 @@ _FIELDS = {
     "resample": ("Bootstrap", "scheme"),
     "replicates": ("Bootstrap", "replicates"),
     "integrator": ("Exact", "integrator"),
+    "kind": ("", "kinds"),
 }
 _MAPPINGS = ("fix", "prior", "bounds")
 _FLAGS = ("force", "independent", "no-facts", "digitised-only", "quick", "raw")

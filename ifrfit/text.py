@@ -134,3 +134,31 @@ def interval_text(interval: tuple[float, float], places: int | None, width: int 
     if low:
         return f"> {low}"
     return f"< {high}" if high else "any value"
+
+
+def progress_words(done: int, most: int, of: str, lately: int, seconds: float) -> str:
+    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left".
+
+    Parameters
+    ----------
+    done, most : int
+    of : str
+        What is counted.
+    lately : int
+        Of those done as many as took `seconds`: what an earlier run kept, and getting ready, is no rate.
+    seconds : float
+    """
+    words = f"{done:,} of {most:,} {of}"
+    if lately <= 0 or seconds <= 0.0:
+        return words
+    rate = lately / seconds
+    speed = f"{rate:,.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second"
+    left = (most - done) / rate
+    remaining = (
+        f"{left:.0f} s left"
+        if left < 100.0
+        else f"{left / 60.0:.0f} min left"
+        if left < 6000.0
+        else f"{left / 3600.0:.0f} h left"
+    )
+    return f"{words}, {speed}, {remaining}" if most > done else f"{words}, {speed}"

@@ -6,6 +6,7 @@ import re
 
 import nbformat
 import pytest
+from nbclient import NotebookClient
 from write_notebook import PAGE, empty, executed
 
 
@@ -43,6 +44,32 @@ def test_its_output_is_that_of_today(page):
         if "text/html" in o.get("data", {})
     ]
     assert len(tables) >= 5
+
+
+def test_long_work_has_a_bar_that_goes_away():
+    cell = nbformat.v4.new_code_cell(
+        "import ifrfit\n"
+        "from ifrfit.inference import notebook_progress\n"
+        "notebook_progress.PATIENCE = 0.0\n"
+        "ifrfit.fit('cornell-glass', method=ifrfit.Bootstrap('wild', replicates=300)).method"
+    )
+    notebook = nbformat.v4.new_notebook(cells=[cell], metadata=empty()["metadata"])
+    client = NotebookClient(notebook, timeout=300, kernel_name="python3")
+    seen = []
+    process = client.process_message
+    client.process_message = lambda message, *given: (seen.append(message), process(message, *given))[1]
+    client.execute()
+    bars = [
+        message["content"]["data"]["text/html"]
+        for message in seen
+        if message["msg_type"] in ("display_data", "update_display_data")
+    ]
+    assert any(
+        re.match(r'<progress value="\d+" max="300"></progress> fitting: \d+ of 300 steps', bar)
+        for bar in bars
+    )
+    assert bars[-1] == ""
+    assert notebook.cells[0].outputs[-1]["data"]["text/plain"] == "'bootstrap'"
 
 
 def test_it_holds_nothing_of_a_machine():

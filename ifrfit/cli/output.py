@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 import typer
 
 from ifrfit.errors import IfrfitError, UsageError
+from ifrfit.text import progress_words
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -250,34 +251,6 @@ class _Bar:
             self._closed = True
             if self._shown is not None:
                 self._shown.stop()
-
-
-def progress_words(done: int, most: int, of: str, lately: int, seconds: float) -> str:
-    """How far, how fast, and how long it will take: "200 of 10,000 steps, 40 a second, 4 min left".
-
-    Parameters
-    ----------
-    done, most : int
-    of : str
-        What is counted.
-    lately : int
-        Of those done as many as took `seconds`: what an earlier run kept, and getting ready, is no rate.
-    seconds : float
-    """
-    words = f"{done:,} of {most:,} {of}"
-    if lately <= 0 or seconds <= 0.0:
-        return words
-    rate = lately / seconds
-    speed = f"{rate:,.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second"
-    left = (most - done) / rate
-    remaining = (
-        f"{left:.0f} s left"
-        if left < 100.0
-        else f"{left / 60.0:.0f} min left"
-        if left < 6000.0
-        else f"{left / 3600.0:.0f} h left"
-    )
-    return f"{words}, {speed}, {remaining}" if most > done else f"{words}, {speed}"
 
 
 def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:

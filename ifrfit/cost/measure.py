@@ -19,6 +19,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import Data, Question, make_question
 from ifrfit.inference.keywords import FitKeywords, model_of, noise_of, split_columns
+from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior.integral_layout import no_grid
@@ -264,9 +265,9 @@ def measure_costs(
     setting = setting_of(found, question, chosen) if others else None
     if "inference" in requested:
         extent = QUICK if quick else FULL
-        measured = inference_costs(
-            found.problem_and_optimum()[0], extent=extent, seed=seed, progress=progress
-        )
+        problem, _ = found.problem_and_optimum()
+        with shown_in_notebook(progress, "measuring", "choices") as seen:
+            measured = inference_costs(problem, extent=extent, seed=seed, progress=seen)
         costs += measured.costs
         reference = measured.reference
         notes += measured.notes

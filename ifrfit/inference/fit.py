@@ -30,6 +30,7 @@ from ifrfit.inference.keywords import (
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.options import Model, Noise
@@ -89,7 +90,8 @@ def fit(
         Scene file that says what hit what, for the effects' criteria; by default the conditions of the
         dataset. Its impacts are not looked at, but for the speed of rows that state none.
     progress : callable, optional
-        mcmc, bootstrap: called with the steps or replicates done, and the most that there may be.
+        Called with the steps or replicates done, and the most that there may be. By default a notebook shows
+        a bar under the cell where that takes more than two seconds.
     command : str
         The command line, for the record.
     closure, fix, prior, bounds, separate, inertia_factor
@@ -139,25 +141,27 @@ def fit(
     chosen = model_of(model, options)
     estimator = estimator_of(method)
     closure = get_closure(chosen.closure)
-    streamed = _streamed(
-        data, chosen, closure, noise_of(noise), estimator, seed, scene, command, progress, options
-    )
+    with shown_in_notebook(progress, "fitting", "steps") as seen:
+        streamed = _streamed(
+            data, chosen, closure, noise_of(noise), estimator, seed, scene, command, seen, options
+        )
     if streamed is not None:
         return streamed
     question = make_question(data, chosen, noise_of(noise), seed, scene, options)
     if chosen.closure == Model.closure:  # the default, which the data may not tell from others
         question = replace(question, assumed=(f"closure {closure.title}", *question.assumed))
     problem = question.problem(closure, chosen.parameters(question.inertia_factor))
-    return fit_problem(
-        problem,
-        estimator,
-        seed=seed,
-        command=command,
-        conditions=question.conditions,
-        assumed=question.assumed,
-        progress=progress,
-        started=started,
-    )
+    with shown_in_notebook(progress, "fitting", "steps") as seen:
+        return fit_problem(
+            problem,
+            estimator,
+            seed=seed,
+            command=command,
+            conditions=question.conditions,
+            assumed=question.assumed,
+            progress=seen,
+            started=started,
+        )
 
 
 def _streamed(

@@ -11,7 +11,8 @@ import time
 
 import pytest
 
-from ifrfit.cli.output import progress_words, working
+from ifrfit.cli.output import working
+from ifrfit.text import progress_words
 
 
 def test_nobody_is_told_where_nobody_looks(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ from ifrfit.inference.fit import (
 )
 from ifrfit.inference.keywords import QuestionKeywords, model_of, noise_of, split_columns
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior import ExactPosterior, exact_posterior
@@ -143,13 +144,15 @@ def compare(
     fits: dict[str, FitResult] = {}
     stages = len(asked) * (1 + loo)
 
-    def tell(done: int) -> None:
-        if progress is not None:
-            progress(done, stages)
-
     try:
-        fit_each(question, asked, chosen, seed, command, fits, tell)
-        return _weighed(fits, notes, loo, seed, lambda done: tell(len(asked) + done))
+        with shown_in_notebook(progress, "comparing", "stages") as seen:
+
+            def tell(done: int) -> None:
+                if seen is not None:
+                    seen(done, stages)
+
+            fit_each(question, asked, chosen, seed, command, fits, tell)
+            return _weighed(fits, notes, loo, seed, lambda done: tell(len(asked) + done))
     except KeyboardInterrupt:
         if len(fits) < 2:
             raise
