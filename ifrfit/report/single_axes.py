@@ -67,7 +67,9 @@ def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None
     """
     draws = result.draws(DRAWS, np.random.default_rng(result.seed))
     there = [str(name) for name in draws]
-    varying = [name for name in there if draws[name].std() > 0.0 and not name.startswith("kappa")]
+    # a fixed constant varies in its last digit where kappa and mu made it
+    spread = {name: np.ptp(draws[name]) / max(1.0, float(np.abs(draws[name]).max())) for name in there}
+    varying = [name for name in there if spread[name] > 1e-12 and not name.startswith("kappa")]
     chosen = varying if names is None else [names] if isinstance(names, str) else list(names)
     for name in chosen:
         if name not in there:
@@ -83,7 +85,7 @@ def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None
     if grid.shape != (k, k):
         raise UsageError(f"axes of shape {grid.shape}: {joined(chosen)} take ({k}, {k}).")
     values = {name: draws[name].to_numpy(dtype=float) for name in chosen}
-    windows = {name: np.quantile(values[name], (0.001, 0.999)) for name in chosen}
+    windows = {name: _window(values[name]) for name in chosen}
     for i, below in enumerate(chosen):
         for j, across in enumerate(chosen):
             _draw_pair(grid[i, j], i - j, values[across], values[below], windows[across], windows[below])
@@ -115,6 +117,13 @@ def plot_compare(comparison: Comparison, axes: Axes | None = None) -> Axes:
     axes = _axes(axes)
     draw_evidence(axes, comparison, series_styles(list(comparison.entries)))
     return axes
+
+
+def _window(values: Any) -> Any:
+    """Where all but a few draws are; about the one value that most of them have, where they have."""
+    low, high = np.quantile(values, (0.001, 0.999))
+    room = 1e-6 * max(1.0, abs(low)) if high <= low else 0.0
+    return np.array([low - room, high + room])
 
 
 def _draw_pair(axes: Axes, below: int, x: Any, y: Any, across: Any, along: Any) -> None:

@@ -29,7 +29,7 @@ _BRACKET = 0.25  # in sd, either side of them
 _LEAST = 1e-15  # probability told from none
 _STEPS = 60  # of the safe search at most
 _SECANTS = 6  # after which a distribution function is none for secants
-_APART = 0.02  # between places at which a polynomial takes it, where a normal law is a straight line
+_SPACING = 0.02  # between places at which a polynomial takes it, where a normal law is a straight line
 _RESOLVED = 0.1  # of the slope before, below which a secant is rounding
 # where distribution functions are tabled, in sd about the mean
 _SUPPORT = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 5.0, 7.0, 12.0, 30.0]))
@@ -353,7 +353,7 @@ def quantiles_near_normal(
         None where the polynomial says nothing: for the safe search.
     """
     target, known = _normal(p), _normal(reached)
-    if not (np.diff(known).min() > _APART and target.min() > known[0] and target.max() < known[-1]):
+    if not (np.diff(known).min() > _SPACING and target.min() > known[0] and target.max() < known[-1]):
         return None
     powers = np.vander(np.concatenate((known, target)), known.size, increasing=True)
     coefficients = np.linalg.solve(powers[: known.size], at)
