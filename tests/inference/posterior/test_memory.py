@@ -86,8 +86,8 @@ def test_the_covariance_takes_no_array_larger_than_the_grid() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 40 * post.density.integral.size()  # bytes: five numbers a value
-    e_n, c = grid.nodes.e_n[..., None], grid.nodes.c
-    product = float((grid.expectation(e_n * c)[0] * post.density.share[0]).sum())
+    mean = grid.expectation(lambda nodes: nodes.e_n[..., None] * nodes.c)[0]
+    product = float((mean * post.density.share[0]).sum())
     assert found[0, 1] == pytest.approx(product - post.mean("e_n") * post.mean("e_t"), rel=1e-6)
 
 
