@@ -41,7 +41,7 @@ _NEGLECTED = 1e-14  # probability that nodes hold in all whose closure constant 
 _MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 _ROUNDING = 1e-12  # of the largest transition
 _AT_ONCE = 100_000  # values of the density worked on at once
-_CURVED_AT_ONCE = 1_000_000  # the same with curved rows: polynomials between them need many
+_CURVED_SLABS = 4  # at most, of a grid with curved rows
 
 
 @dataclass(frozen=True)
@@ -223,11 +223,14 @@ class DensityGrid:
     def mean_and_square(self, quantity: Quantity, share: Array) -> tuple[Array, Array, float]:
         """Mean of a quantity and mean square of its distance from a place, (2, m), and that place.
 
-        The place is its posterior mean at the conditional modes of the closure constant, near to that of all.
+        The place is its value at the likeliest node: near enough to lose no digits.
         """
-        at_modes = quantity(self.nodes.at_modes())
-        weight = self.g[0] * self.weight[0] * self.outer(share)[0]
-        place = float((weight * at_modes[..., 0]).sum())
+        outer = int(share[0].argmax()) if self.mass.shape[1] > 1 else 0
+        e_n, x = np.unravel_index(np.argmax(self.g[0, outer] * self.weight[0, outer]), self.g.shape[2:])
+        node = self.nodes.at_modes()
+        for axis, at in enumerate((outer, int(e_n), int(x))):
+            node = node.part(Slab(axis, slice(at, at + 1)))
+        place = float(quantity(node).reshape(-1)[0])
 
         def products(nodes: Nodes) -> list[list[Array]]:
             values = quantity(nodes)
@@ -308,10 +311,9 @@ class DensityGrid:
         """Integrals of the conditional densities of the closure constant."""
         if self.nodes.coordinate is None:
             raise ValueError("the closure constant of this series is not integrated over")
-        inner = self.f @ self.c_weight[0]
         mass = np.abs(self.factor * self.weight / np.maximum(self.mass, _TINY)[..., None, None]).max(axis=0)
-        alone = tuple(axis for axis in range(3) if inner.shape[axis] == 1)
-        mass = mass.sum(axis=alone, keepdims=True) * inner
+        alone = tuple(axis for axis in range(3) if self.f.shape[axis] == 1)
+        mass = mass.sum(axis=alone, keepdims=True) * (self.f @ self.c_weight[0])
         node = np.flatnonzero(mass > _NEGLECTED / mass.size)
         return TwoSidedIntegrals.of(self.f, self.nodes.coordinate, self.series.c_order, node)
 
@@ -337,7 +339,7 @@ class DensityGrid:
     def law_of_squares(self, group: int, share: Array) -> DiscreteLaw:
         """Sum of squares of a noise group at the nodes."""
         slabs = _slabs_of_rows(self.series, self.f.shape[:3], self.f.size)
-        squares = [self._square(group, self.nodes.part(slab)) for slab in slabs]
+        squares = [self._square(group, self.nodes.part(slab), len(slabs)) for slab in slabs]
         if squares[0].shape[slabs[0].axis] == 1:  # the same in every slab
             slabs, squares = [Slab(0, slice(None))], squares[:1]
 
@@ -348,11 +350,11 @@ class DensityGrid:
 
         return DiscreteLaw(sum(square.size for square in squares), parts)
 
-    def _square(self, group: int, nodes: Nodes) -> Array:
+    def _square(self, group: int, nodes: Nodes, slabs: int) -> Array:
         """Sum of squares of a noise group, of size 1 along the axes that its rows do not see."""
         squares, c = self.series.squares, nodes.c
         q = squares.quadratics(nodes.e_n, nodes.x)[group]
-        more = squares.curved_of(group, nodes.e_n[..., None], nodes.x[..., None], c, nodes.mu)
+        more = squares.curved_of(group, nodes.e_n[..., None], nodes.x[..., None], c, nodes.mu, slabs)
         square: Array = np.asarray(q.square)
         square = (square.reshape((1, 1, 1)) if square.ndim == 0 else square)[..., None] + more
         if np.ndim(q.slope):
@@ -369,7 +371,8 @@ class DensityGrid:
             f, weight = slab.of(self.f), weight * slab.of(self.factor)
             unseen = tuple(1 + axis for axis in range(3) if shape[axis] == f.shape[axis] == 1)
             weight = weight.sum(axis=unseen, keepdims=True)
-            probability = weight[..., None] * self.c_weight[:, None, None, None, :] * f
+            probability = weight[..., None] * self.c_weight[:, None, None, None, :]
+            probability *= f
         alone = tuple(1 + axis for axis, size in enumerate(shape) if size == 1)
         return np.asarray(probability.sum(axis=alone, keepdims=True) if alone else probability)
 
@@ -464,6 +467,7 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
                 slab.of(x),
                 slab.of(log_jacobian),
                 None if noise is None else slab.of(noise),
+                len(slabs),
             )
             for slab in slabs
         )
@@ -516,13 +520,21 @@ def _slabs(series: SeriesIntegral, known: Values) -> list[Slab]:
 
 
 def _slabs_of_rows(series: SeriesIntegral, shape: Sequence[int], size: int) -> list[Slab]:
-    return slabs_of(shape, size, _AT_ONCE if series.squares.is_quadratic else _CURVED_AT_ONCE)
+    """Slabs for sums of squares.
+
+    Where polynomials stand for curved rows, eq. (13), these are found for each slab: few of them, and none
+    along e_n.
+    """
+    m, n_e, n_x = shape
+    if series.squares.is_quadratic or max(m, n_x) == 1:
+        return slabs_of(shape, size, _AT_ONCE)
+    return slabs_of((m, 1, n_x), size, max(_AT_ONCE, size // _CURVED_SLABS))
 
 
 def _density_at(
-    series: SeriesIntegral, known: Values, x: Array, log_jacobian: Array, noise: Array | None
+    series: SeriesIntegral, known: Values, x: Array, log_jacobian: Array, noise: Array | None, slabs: int = 1
 ) -> _NodeDensity:
-    """Likelihood times prior at some nodes."""
+    """Likelihood times prior at the nodes of one of a number of slabs."""
     values, x, log_role = series.role.solve(x, known)
     log_jacobian = log_jacobian + log_role
     squares = series.squares.quadratics(values.e_n, x)
@@ -536,7 +548,7 @@ def _density_at(
         c_nodes, log_by_c = coordinate.nodes_and_measure(series.c_order)
         log_measure = log_measure + log_by_c
     mu = series.role.friction(values, x, c_nodes)
-    with_c, without_c = _log_likelihood(series, squares, values.e_n, x, c_nodes, mu, noise)
+    with_c, without_c = _log_likelihood(series, squares, values.e_n, x, c_nodes, mu, noise, slabs)
     prior = _log_prior(series, values, x, c_nodes, mu)
     with_c, without_c = with_c + prior[0], without_c + prior[1] + series.log_norm
     if log_measure.shape[-1] == 1:
@@ -601,6 +613,7 @@ def _log_likelihood(
     c: Array,
     mu: Array,
     noise: Array | None,
+    slabs: int,
 ) -> tuple[Array, Array]:
     """Log likelihood of the rows: the part that varies with c, (m, n_e, n_x, n_c), and the rest, 3 axes.
 
@@ -612,7 +625,7 @@ def _log_likelihood(
         k = series.squares.coefficients
         return error_model_log_likelihood(series.row_law, k, e_n, x, c, mu, noise), without_c
     d = c - series.squares.reference.c
-    curved = series.squares.curved(e_n[..., None], x[..., None], c, mu)
+    curved = series.squares.curved(e_n[..., None], x[..., None], c, mu, slabs)
     for number, (q, more) in enumerate(zip(squares, curved, strict=True)):
         n = series.squares.groups[number].size
         if not n:

@@ -363,8 +363,8 @@ def _compressed(law: DiscreteLaw, n: float, negligible: float) -> tuple[Array, A
     """
     least = negligible / law.size
     low, high, total = math.inf, -math.inf, np.zeros((2, 1))
-    for log_q, weight in _logs_of_kept(law, least):
-        low, high = min(low, float(log_q.min())), max(high, float(log_q.max()))
+    for square, weight in _kept(law, least):
+        low, high = min(low, math.log(square.min())), max(high, math.log(square.max()))
         total += weight.sum(axis=1, keepdims=True)
     if high - low < 1e-9:
         return np.exp(np.array([low])), total
@@ -372,8 +372,8 @@ def _compressed(law: DiscreteLaw, n: float, negligible: float) -> tuple[Array, A
     count = min(_FEWEST + int(4.0 * (high - low) / math.sqrt(2.0 / n)), _MOST)
     # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
     sums = np.zeros((2, count))
-    for log_q, weight in _logs_of_kept(law, least):
-        y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
+    for square, weight in _kept(law, least):
+        y = np.clip((2.0 * np.log(square) - low - high) / (high - low), -1.0, 1.0)
         for begin in range(0, y.size, _AT_ONCE):
             own, share = y[begin : begin + _AT_ONCE], weight[:, begin : begin + _AT_ONCE]
             before, now, after, twice = np.ones_like(own), own, np.empty_like(own), 2.0 * own
@@ -389,9 +389,9 @@ def _compressed(law: DiscreteLaw, n: float, negligible: float) -> tuple[Array, A
     return np.exp(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)), sums @ at
 
 
-def _logs_of_kept(law: DiscreteLaw, least: float) -> Iterator[tuple[Array, Array]]:
-    """Logarithms of sums of squares of more than the least probability, and their probabilities, in parts."""
+def _kept(law: DiscreteLaw, least: float) -> Iterator[tuple[Array, Array]]:
+    """Sums of squares of more than the least probability, and their probabilities, in parts."""
     for square, weight in law.parts():
         kept = np.abs(weight[0]) > least
         if kept.any():
-            yield np.log(np.maximum(square[kept], 1e-300)), weight[:, kept]
+            yield np.maximum(square[kept], 1e-300), weight[:, kept]
