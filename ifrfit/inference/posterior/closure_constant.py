@@ -442,7 +442,7 @@ class TwoSidedIntegrals:
 
 
 def _integrated(density: Array, level: int) -> Array:
-    """Coefficients of the integrals, (coefficients, k), of densities at the nodes of a rule, (k, order + 1)."""
+    """Coefficients of the integrals, (coefficients, k), of densities at a rule's nodes, (k, order + 1)."""
     order = density.shape[1] - 1
     to_integral = rule(order).antiderivative[level]
     if level:  # the coarse integral is of half the order, by every other node

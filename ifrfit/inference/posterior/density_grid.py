@@ -226,7 +226,7 @@ class DensityGrid:
         The place is its value at the likeliest node: near enough to lose no digits.
         """
         outer = int(share[0].argmax()) if self.mass.shape[1] > 1 else 0
-        e_n, x = np.unravel_index(np.argmax(self.g[0, outer] * self.weight[0, outer]), self.g.shape[2:])
+        e_n, x = np.unravel_index(np.argmax((self.g[0] * self.weight[0])[outer]), self.g.shape[2:])
         node = self.nodes.at_modes()
         for axis, at in enumerate((outer, int(e_n), int(x))):
             node = node.part(Slab(axis, slice(at, at + 1)))
@@ -525,7 +525,7 @@ def _slabs_of_rows(series: SeriesIntegral, shape: Sequence[int], size: int) -> l
     Where polynomials stand for curved rows, eq. (13), these are found for each slab: few of them, and none
     along e_n.
     """
-    m, n_e, n_x = shape
+    m, _, n_x = shape
     if series.squares.is_quadratic or max(m, n_x) == 1:
         return slabs_of(shape, size, _AT_ONCE)
     return slabs_of((m, 1, n_x), size, max(_AT_ONCE, size // _CURVED_SLABS))

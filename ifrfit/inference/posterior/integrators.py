@@ -37,7 +37,7 @@ from ifrfit.inference.posterior.transition_quadrature import TransitionPosterior
 ExactPosterior = QuadraturePosterior | TransitionPosterior | ImportancePosterior | Mixture
 
 # Values of the density that quadrature may take, each by its cost
-_MOST_WORK = 5e6  # a second or so, and 0.25 GB at most
+_MOST_WORK = 5e6  # a second or so, and 0.5 GB at most
 _LAST_WORK = 1e7  # where draws do not converge
 _COARSELY = 1e6  # where errors of some hundredths will do, and draws are not made series by series
 _OF_EVIDENCE = 5e5  # of the evidence alone, which takes few draws
