@@ -28,7 +28,7 @@ _ROUNDS = 30
 # Sizes of grids, in values of the density
 _SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
-_MEMORY = 12_000_000  # that would fill the memory (some 0.8 GB)
+_MEMORY = 12_000_000  # that would fill the memory: 0.3 to 0.6 GB; 1.3 where c does not see e_n
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
 _LOOSER = 2.0  # times what was allowed, until the next grid fits into memory
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it

@@ -18,6 +18,7 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import integral_of_some, rule
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
+from ifrfit.inference.posterior.slabs import Slab
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, Quadratic, SumOfSquares
 
 Array = NDArray[np.float64]
@@ -57,18 +58,34 @@ class ConditionalCoordinate:
     size: Array
     u_max: Array
 
-    def nodes(self, order: int) -> tuple[Array, Array]:
+    def nodes(self, order: int) -> Array:
+        """Nodes on both sides, (m, n_e, n_x, 2 (order + 1))."""
+        return self._places(*self._rising_and_falling(order))
+
+    def nodes_and_measure(self, order: int) -> tuple[Array, Array]:
         """Nodes on both sides, and the log of dc/dv with v = u/u_max, (m, n_e, n_x, 2 (order + 1))."""
-        u = self.u_max[..., None] * rule(order).nodes
-        sign = np.array([-1.0, 1.0])[:, None]
-        size = self.size[..., None, None]
-        rising = np.exp(u)
-        falling = 1.0 / rising
-        nodes = self.mode[..., None, None] + (0.5 * sign * size) * (rising - falling)  # sinh
+        rising, falling = self._rising_and_falling(order)
+        nodes = self._places(rising, falling)
         with np.errstate(divide="ignore"):
-            jacobian = np.log((0.5 * size * self.u_max[..., None]) * (rising + falling))  # cosh
-        shape = (*self.mode.shape, -1)
-        return nodes.reshape(shape), jacobian.reshape(shape)
+            measure = (0.5 * self.size[..., None, None] * self.u_max[..., None]) * (rising + falling)  # cosh
+            np.log(measure, out=measure)
+        return nodes, measure.reshape(nodes.shape)
+
+    def part(self, slab: Slab) -> ConditionalCoordinate:
+        """The coordinate at some nodes."""
+        return ConditionalCoordinate(slab.of(self.mode), slab.of(self.size), slab.of(self.u_max))
+
+    def _rising_and_falling(self, order: int) -> tuple[Array, Array]:
+        """exp(u) and exp(-u) at the nodes, (m, n_e, n_x, 2, order + 1)."""
+        rising = np.exp(self.u_max[..., None] * rule(order).nodes)
+        return rising, 1.0 / rising
+
+    def _places(self, rising: Array, falling: Array) -> Array:
+        half = 0.5 * np.array([-1.0, 1.0])[:, None] * self.size[..., None, None]
+        nodes = rising - falling  # 2 sinh
+        nodes *= half
+        nodes += self.mode[..., None, None]
+        return nodes.reshape(*self.mode.shape, -1)
 
 
 def _domain(series: SeriesIntegral, c: FreeParameter, e_n: Array, x: Array) -> tuple[Array, Array]:
@@ -342,62 +359,78 @@ def _gauss_newton(
 
 @dataclass(frozen=True)
 class TwoSidedIntegrals:
-    """Polynomials of the integrals of the densities of c on either side of the mode.
+    """Integrals of the densities of c on either side of the mode, at the nodes that have any mass.
+
+    Polynomials by the rules are kept; the coarse ones, which few queries ask for, are made for each.
 
     Attributes
     ----------
-    coefficients : list of ndarray, (coefficients, 2 n)
-        By level (rule, coarse rule), of the integral below the mode, then above it, at all nodes of the
-        density, counted along (outer nodes, e_n, transition).
+    node : ndarray of int, (n,)
+        The nodes, ascending, counted along (outer nodes, e_n, transition) of the density.
+    sides : ndarray, (nodes, 2, order + 1)
+        Density below the mode, then above it, at all nodes.
+    coefficients : ndarray, (order + 2, 2, n)
+        Of the integrals.
     total : ndarray, (2 levels, 2 sides, n)
     mode, size, u_max : ndarray, (n,), (n,), (2, n)
         Of the coordinate, as in `ConditionalCoordinate`.
     """
 
-    coefficients: list[Array]
+    node: Index
+    sides: Array
+    coefficients: Array
     total: Array
     mode: Array
     size: Array
     u_max: Array
 
     @classmethod
-    def of(cls, f: Array, coordinate: ConditionalCoordinate, order: int) -> TwoSidedIntegrals:
-        """Integrate a density in the coordinate, (m, n_e, n_x, 2 (order + 1)): left side, then right side."""
+    def of(cls, f: Array, coordinate: ConditionalCoordinate, order: int, node: Index) -> TwoSidedIntegrals:
+        """Integrate a density in the coordinate, (m, n_e, n_x, 2 (order + 1)), at some nodes."""
         shape = f.shape[:3]
         sides = f.reshape(-1, 2, order + 1)
-        # the coarse integral is of half the order
-        to_integral = rule(order).antiderivative
-        kept = to_integral[0], to_integral[1, : order // 2 + 2]
-        coefficients = [np.concatenate([to @ sides[:, i].T for i in (0, 1)], axis=1) for to in kept]
-        total = np.stack([found.sum(axis=0).reshape(2, -1) for found in coefficients])
-        mode, size = (np.broadcast_to(y, shape).reshape(-1) for y in (coordinate.mode, coordinate.size))
-        u_max = np.broadcast_to(coordinate.u_max, (*shape, 2)).reshape(-1, 2).T
-        return cls(coefficients, total, mode, size, u_max)
+        coefficients = np.empty((order + 2, 2, node.size))
+        total = np.empty((2, 2, node.size))
+        step = max(1, AT_ONCE // order)
+        for part in (slice(start, start + step) for start in range(0, node.size, step)):
+            for side in (0, 1):
+                density = sides[node[part], side]
+                coefficients[:, side, part] = _integrated(density, 0)
+                total[:, side, part] = rule(order).weights @ density.T
+        mode, size = (np.broadcast_to(y, shape).reshape(-1)[node] for y in (coordinate.mode, coordinate.size))
+        u_max = np.broadcast_to(coordinate.u_max, (*shape, 2)).reshape(-1, 2)[node].T
+        return cls(node, sides, coefficients, total, mode, size, u_max)
 
-    def below(self, c: Array, node: Index, levels: int) -> Array:
+    def below(self, c: Array, which: Index, levels: int) -> Array:
         """Integrals up to values of c, (levels, n, k).
 
         Parameters
         ----------
         c : ndarray, (n, k)
-        node : ndarray of int, (k,)
+        which : ndarray of int, (k,)
+            Which of the nodes.
         levels : int
             1 for the rules alone, 2 for the coarse ones too.
         """
-        distance = c - self.mode[node]
+        distance = c - self.mode[which]
         is_above = distance >= 0.0
         distance = np.abs(distance)
-        below, above = self._half_width[:, node]
+        below, above = self._half_width[:, which]
         inside = np.flatnonzero(distance < np.where(is_above, above, below))
-        side, own = is_above.reshape(-1)[inside], node.take(inside % node.size)
-        column = side * self.mode.size + own
-        at = np.arcsinh(distance.reshape(-1)[inside] / self.size[own]) / self.u_max.reshape(-1)[column]
+        side, own = is_above.reshape(-1)[inside], inside % which.size
+        node = which.take(own)
+        column = side * self.mode.size + node
+        at = np.arcsinh(distance.reshape(-1)[inside] / self.size[node]) / self.u_max.reshape(-1)[column]
         np.minimum(at, 1.0, out=at)
         found = np.empty((levels, *c.shape))
         for level in range(levels):
-            left, right = self.total[level]
-            found[level] = np.where(is_above, (left + right)[node], 0.0)  # beyond u_max all of a side
-            amount = integral_of_some(self.coefficients[level], column, at)
+            left, right = self.total[level][:, which]
+            found[level] = np.where(is_above, left + right, 0.0)  # beyond u_max all of a side
+            if level == 0:
+                amount = integral_of_some(self.coefficients.reshape(-1, 2 * self.mode.size), column, at)
+            else:
+                coarse = _integrated(self.sides[self.node[which]].reshape(2 * which.size, -1), level)
+                amount = integral_of_some(coarse, 2 * own + side, at)
             found[level].reshape(-1)[inside] = left[own] + np.where(side, amount, -amount)
         return found
 
@@ -406,3 +439,12 @@ class TwoSidedIntegrals:
         """Distance from the mode at which u is u_max, (2, n)."""
         with np.errstate(over="ignore", invalid="ignore"):
             return np.where(self.u_max > 0.0, self.size * np.sinh(self.u_max), 0.0)
+
+
+def _integrated(density: Array, level: int) -> Array:
+    """Coefficients of the integrals, (coefficients, k), of densities at a rule's nodes, (k, order + 1)."""
+    order = density.shape[1] - 1
+    to_integral = rule(order).antiderivative[level]
+    if level:  # the coarse integral is of half the order, by every other node
+        to_integral, density = to_integral[: order // 2 + 2, ::2], density[:, ::2]
+    return np.asarray(to_integral @ density.T)

@@ -6,10 +6,9 @@ Derivation: ``docs/theory/posterior.md``, sections 1 to 4.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,10 @@ from ifrfit.inference.posterior.closure_constant import (
     TwoSidedIntegrals,
     conditional_coordinate,
 )
+from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis, rule
-from ifrfit.inference.posterior.series_integral import SeriesIntegral, Values, sticking_bound
+from ifrfit.inference.posterior.series_integral import SeriesIntegral, TransitionRole, Values, sticking_bound
+from ifrfit.inference.posterior.slabs import Slab, slabs_of
 from ifrfit.inference.posterior.sum_of_squares import Quadratic, with_c_axis
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
@@ -36,26 +37,74 @@ PanelErrors = tuple[QuadratureAxis | SeriesIntegral, Array, Array]
 _SINGLE = np.ones((2, 1))  # weights of a single node
 _TINY = 1e-300
 _NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
+_NEGLECTED = 1e-14  # probability that nodes hold in all whose closure constant is not followed
 _MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 _ROUNDING = 1e-12  # of the largest transition
-_AT_ONCE = 1_000_000  # values of the density worked on at once
+_AT_ONCE = 100_000  # values of the density worked on at once
+_CURVED_SLABS = 4  # at most, of a grid with curved rows
 
 
 @dataclass(frozen=True)
 class Nodes:
     """Values of the parameters at the nodes.
 
+    Those of the closure constant, and of mu where it follows from that, are made when they are asked for:
+    kept, each would take as much as the density.
+
     Attributes
     ----------
-    e_n, x : ndarray, (m, n_e, n_x), broadcastable
-        x is the transition.
-    c, mu : ndarray, (m, n_e, n_x, n_c), broadcastable
+    role : TransitionRole
+    values : Values
+    x : ndarray, (m, n_e, n_x), broadcastable
+        The transition.
+    coordinate : ConditionalCoordinate or None
+        Of the closure constant, where it is integrated over.
+    c_order : int
+        Order of the rules for that.
     """
 
-    e_n: Array
+    role: TransitionRole
+    values: Values
     x: Array
-    c: Array
-    mu: Array
+    coordinate: ConditionalCoordinate | None
+    c_order: int
+
+    @property
+    def e_n(self) -> Array:
+        """(m, n_e, n_x), broadcastable."""
+        return self.values.e_n
+
+    @property
+    def c(self) -> Array:
+        """The closure constant, (m, n_e, n_x, n_c), broadcastable."""
+        return self.values.c[..., None] if self.coordinate is None else self.coordinate.nodes(self.c_order)
+
+    @property
+    def mu(self) -> Array:
+        """(m, n_e, n_x, n_c), broadcastable."""
+        c = self.c if self.role.k.b1 else np.zeros((1, 1, 1, 1))
+        return self.role.friction(self.values, self.x, c)
+
+    def at_modes(self) -> Nodes:
+        """The conditional modes of the closure constant in the place of its nodes."""
+        if self.coordinate is None:
+            return self
+        return replace(self, values=replace(self.values, c=self.coordinate.mode), coordinate=None)
+
+    def part(self, slab: Slab) -> Nodes:
+        """Some of the nodes."""
+        own = self.values
+        return Nodes(
+            self.role,
+            Values(slab.of(own.e_n), slab.of(own.c), slab.of(own.mu)),
+            slab.of(self.x),
+            None if self.coordinate is None else self.coordinate.part(slab),
+            self.c_order,
+        )
+
+
+# What a parameter, or what follows from some, is at nodes: (m, n_e, n_x, n_c), broadcastable
+Quantity = Callable[[Nodes], Array]
 
 
 @dataclass
@@ -85,8 +134,6 @@ class DensityGrid:
         Integral at each outer node, relative to exp(shift).
     limits : (ndarray, ndarray) or None
         Ends of the transition's coordinate where the domain cuts panels, (m, n_e).
-    coordinate : ConditionalCoordinate or None
-        Of the closure constant, where it is integrated over.
     """
 
     series: SeriesIntegral
@@ -100,7 +147,6 @@ class DensityGrid:
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
-    coordinate: ConditionalCoordinate | None
 
     @classmethod
     def of(
@@ -109,13 +155,12 @@ class DensityGrid:
         nodes: Nodes,
         logs: tuple[Array, Array],
         limits: tuple[Array, Array] | None,
-        coordinate: ConditionalCoordinate | None,
     ) -> DensityGrid:
         """Integrate a density.
 
         Parameters
         ----------
-        series, nodes, limits, coordinate
+        series, nodes, limits
             As the attributes.
         logs : (ndarray, ndarray)
             Log density at the nodes: what varies with the closure constant, (m, n_e, n_x, n_c), and the rest,
@@ -137,7 +182,7 @@ class DensityGrid:
         shape = np.broadcast(factor, nodes.e_n[:1], nodes.x[:1], f[..., 0]).shape
         if factor.shape != shape:
             factor = np.broadcast_to(factor, shape)
-        c_weight = _SINGLE if coordinate is None else np.tile(rule(series.c_order).weights, 2)
+        c_weight = _SINGLE if nodes.coordinate is None else np.tile(rule(series.c_order).weights, 2)
         g = np.stack([factor * (f @ w) for w in c_weight])
         e_weight = _SINGLE if series.e_axis is None else series.e_axis.weights()
         if series.x_axis is None:
@@ -146,7 +191,7 @@ class DensityGrid:
             x_weight = series.x_axis.weights_between(limits)
         mass = ((g * x_weight).sum(axis=-1) * e_weight[:, None, :]).sum(axis=-1)
         weights = e_weight, x_weight, c_weight
-        return cls(series, nodes, f, factor, shift, g, *weights, mass, limits, coordinate)
+        return cls(series, nodes, f, factor, shift, g, *weights, mass, limits)
 
     @cached_property
     def weight(self) -> Array:
@@ -165,24 +210,60 @@ class DensityGrid:
             share = share.sum(axis=1, keepdims=True)
         return np.asarray((share / np.maximum(self.mass, _TINY))[:, :, None, None])
 
-    def expectation(self, *values: Array) -> Array:
-        """Mean of a product of values at the nodes, at each outer node, (2, m).
+    @property
+    def slabs(self) -> list[Slab]:
+        """Parts of the nodes that reductions work on, one after the other."""
+        return slabs_of(self.f.shape[:3], max(self.f.size, self.g[0].size), _AT_ONCE)
 
-        The values are (m, n_e, n_x, n_c), broadcastable. What does not vary with the closure constant is
-        multiplied once that is integrated over: e_n times c at all nodes would be larger than any other
-        array, by as much as there are nodes of e_n.
+    def expectation(self, *quantities: Quantity) -> Array:
+        """Mean of a product of quantities, at each outer node, (2, m)."""
+        means = self._expectations(lambda nodes: [[of(nodes) for of in quantities]], 1)
+        return np.asarray(means[0])
+
+    def mean_and_square(self, quantity: Quantity, share: Array) -> tuple[Array, Array, float]:
+        """Mean of a quantity and mean square of its distance from a place, (2, m), and that place.
+
+        The place is its value at the likeliest node: near enough to lose no digits.
         """
-        product = self.f
-        inner = self.g
+        outer = int(share[0].argmax()) if self.mass.shape[1] > 1 else 0
+        e_n, x = np.unravel_index(np.argmax((self.g[0] * self.weight[0])[outer]), self.g.shape[2:])
+        node = self.nodes.at_modes()
+        for axis, at in enumerate((outer, int(e_n), int(x))):
+            node = node.part(Slab(axis, slice(at, at + 1)))
+        place = float(quantity(node).reshape(-1)[0])
+
+        def products(nodes: Nodes) -> list[list[Array]]:
+            values = quantity(nodes)
+            return [[values], [(values - place) ** 2]]
+
+        mean, square = self._expectations(products, 2)
+        return mean, square, place
+
+    def _expectations(self, products: Callable[[Nodes], Sequence[Sequence[Array]]], count: int) -> Array:
+        """Means of a number of products of values at the nodes, at each outer node, (count, 2, m)."""
+        found = np.zeros((count, *self.mass.shape))
+        for slab in self.slabs:
+            rows = slab.nodes if slab.axis == 0 and self.mass.shape[1] > 1 else slice(None)
+            for total, values in zip(found, products(self.nodes.part(slab)), strict=True):
+                total[:, rows] += self._integral(slab, values)
+        return np.asarray(found / np.maximum(self.mass, _TINY))
+
+    def _integral(self, slab: Slab, values: Sequence[Array]) -> Array:
+        """Integral of a product of values, (m, n_e, n_x, n_c), broadcastable, over a slab, (2, m).
+
+        What does not vary with the closure constant is multiplied once that is integrated over: e_n times c
+        at all nodes would be larger than any other array, by as much as there are nodes of e_n.
+        """
+        inner = slab.of(self.g, 1)
         with_c = [value for value in values if value.shape[-1] > 1]
         if with_c:
-            for value in with_c:
-                product = product * value
-            inner = np.stack([self.factor * (product @ w) for w in self.c_weight])
+            product = math.prod(with_c, start=slab.of(self.f))
+            factor = slab.of(self.factor)
+            inner = np.stack([factor * (product @ w) for w in self.c_weight])
         for value in values:
             if value.shape[-1] == 1:
                 inner = inner * value[..., 0]
-        return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, _TINY))
+        return np.asarray((inner * slab.of(self.weight, 1)).sum(axis=(2, 3)))
 
     def e_probabilities(self) -> Array:
         """Probability of each node of e_n, (2, m, n_e)."""
@@ -228,9 +309,13 @@ class DensityGrid:
     @cached_property
     def two_sided(self) -> TwoSidedIntegrals:
         """Integrals of the conditional densities of the closure constant."""
-        if self.coordinate is None:
+        if self.nodes.coordinate is None:
             raise ValueError("the closure constant of this series is not integrated over")
-        return TwoSidedIntegrals.of(self.f, self.coordinate, self.series.c_order)
+        mass = np.abs(self.factor * self.weight / np.maximum(self.mass, _TINY)[..., None, None]).max(axis=0)
+        alone = tuple(axis for axis in range(3) if self.f.shape[axis] == 1)
+        mass = mass.sum(axis=alone, keepdims=True) * (self.f @ self.c_weight[0])
+        node = np.flatnonzero(mass > _NEGLECTED / mass.size)
+        return TwoSidedIntegrals.of(self.f, self.nodes.coordinate, self.series.c_order, node)
 
     @property
     def _x_axis(self) -> QuadratureAxis:
@@ -238,42 +323,58 @@ class DensityGrid:
             raise ValueError("the transition of this series is not integrated over")
         return self.series.x_axis
 
-    def discrete_law(self, value: Array, share: Array) -> tuple[Array, Array]:
-        """A value at all nodes, (n,), with its probabilities, (2, n); without nodes of no probability."""
-        weight = self.weight * self.outer(share)
-        if value.shape[-1] == 1:
-            probability = (weight * self.g)[..., None]
-        else:
-            weight = weight * self.factor
-            probability = self.f * weight[..., None] * self.c_weight[:, None, None, None, :]
-        value = np.broadcast_to(value, probability.shape[1:])
-        if value.shape[0] > 1 and np.ptp(value, axis=0).max() == 0.0:  # the same at all outer nodes
-            value, probability = value[0], probability.sum(axis=1)
-        kept = np.abs(probability[0]) > _NEGLIGIBLE
-        return value[kept], probability[:, kept]
+    def law_of(self, quantity: Quantity, share: Array) -> Iterator[tuple[Array, Array]]:
+        """A quantity at the nodes, (n,), with their probabilities, (2, n), in parts.
 
-    def sums_of_squares(self, group: int, share: Array) -> tuple[Array, Array]:
-        """Sum of squares of a noise group at all nodes, (n,), and the probabilities of the nodes, (2, n)."""
-        squares, nodes = self.series.squares, self.nodes
+        Without nodes of no probability.
+        """
+        for slab in self.slabs:
+            value = quantity(self.nodes.part(slab))
+            probability = self._probabilities(slab, share, value.shape)
+            if value.shape[0] > 1 and np.ptp(value, axis=0).max() == 0.0:  # the same at all outer nodes
+                value, probability = value[0], probability.sum(axis=1)
+            kept = np.abs(probability[0]) > _NEGLIGIBLE
+            yield value[kept], probability[:, kept]
+
+    def law_of_squares(self, group: int, share: Array) -> DiscreteLaw:
+        """Sum of squares of a noise group at the nodes."""
+        slabs = _slabs_of_rows(self.series, self.f.shape[:3], self.f.size)
+        squares = [self._square(group, self.nodes.part(slab), len(slabs)) for slab in slabs]
+        if squares[0].shape[slabs[0].axis] == 1:  # the same in every slab
+            slabs, squares = [Slab(0, slice(None))], squares[:1]
+
+        def parts() -> Iterator[tuple[Array, Array]]:
+            for slab, square in zip(slabs, squares, strict=True):
+                probability = self._probabilities(slab, share, square.shape)
+                yield square.reshape(-1), probability.reshape(2, -1)
+
+        return DiscreteLaw(sum(square.size for square in squares), parts)
+
+    def _square(self, group: int, nodes: Nodes, slabs: int) -> Array:
+        """Sum of squares of a noise group, of size 1 along the axes that its rows do not see."""
+        squares, c = self.series.squares, nodes.c
         q = squares.quadratics(nodes.e_n, nodes.x)[group]
-        more = squares.curved_of(group, nodes.e_n[..., None], nodes.x[..., None], nodes.c, nodes.mu)
-        weight = self.weight * self.outer(share)
-        if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
-            square: Array = np.asarray(q.square)
-            square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
-            probability = self.g * weight
+        more = squares.curved_of(group, nodes.e_n[..., None], nodes.x[..., None], c, nodes.mu, slabs)
+        square: Array = np.asarray(q.square)
+        square = (square.reshape((1, 1, 1)) if square.ndim == 0 else square)[..., None] + more
+        if np.ndim(q.slope):
+            d = c - squares.reference.c
+            square = square + d * (with_c_axis(q.curvature) * d - 2.0 * with_c_axis(q.slope))
+        return square
+
+    def _probabilities(self, slab: Slab, share: Array, shape: tuple[int, ...]) -> Array:
+        """Probabilities at both levels of values of a shape at the nodes of a slab, (2, *shape)."""
+        weight = slab.of(self.weight, 1) * slab.of(self.outer(share), 1)
+        if shape[-1] == 1:
+            probability = (weight * slab.of(self.g, 1))[..., None]
         else:
-            square = with_c_axis(q.square) + more
-            if np.ndim(q.slope):
-                d = nodes.c - squares.reference.c
-                square = square + d * (with_c_axis(q.curvature) * d - 2.0 * with_c_axis(q.slope))
-            probability = self.factor * weight
-            if square.shape[1] == 1 and self.f.shape[1] == 1:
-                probability = probability.sum(axis=2, keepdims=True)
-            probability = probability[..., None] * self.c_weight[:, None, None, None, :] * self.f
-        alone = tuple(1 + axis for axis, size in enumerate(square.shape) if size == 1)
-        probability = probability.sum(axis=alone, keepdims=True)
-        return np.broadcast_to(square, probability.shape[1:]).reshape(-1), probability.reshape(2, -1)
+            f, weight = slab.of(self.f), weight * slab.of(self.factor)
+            unseen = tuple(1 + axis for axis in range(3) if shape[axis] == f.shape[axis] == 1)
+            weight = weight.sum(axis=unseen, keepdims=True)
+            probability = weight[..., None] * self.c_weight[:, None, None, None, :]
+            probability *= f
+        alone = tuple(1 + axis for axis, size in enumerate(shape) if size == 1)
+        return np.asarray(probability.sum(axis=alone, keepdims=True) if alone else probability)
 
     def panel_masses(self, share: Array) -> list[tuple[QuadratureAxis, Array]]:
         """Mass of the panels of the transition and of e_n."""
@@ -289,7 +390,7 @@ class DensityGrid:
         found: list[PanelErrors] = []
         for axis, mass in self.panel_masses(share):
             found.append((axis, mass, axis.errors(self.density_along(axis, self.g[0], share))))
-        if self.coordinate is not None:
+        if self.nodes.coordinate is not None:
             sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
             part = self.factor * (self.outer(share)[0] * self.e_weight[0][:, None] * self.x_weight[0])
             if sides.shape[0] == sides.shape[1] == 1:
@@ -360,11 +461,18 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
     else:
         # arithmetic on all nodes at once would take several times the memory of what is kept
         parts = (
-            _density_at(series, replace(known, e_n=known.e_n[:, slab]), x, log_jacobian, noise)
+            _density_at(
+                series,
+                Values(slab.of(known.e_n), slab.of(known.c), slab.of(known.mu)),
+                slab.of(x),
+                slab.of(log_jacobian),
+                None if noise is None else slab.of(noise),
+                len(slabs),
+            )
             for slab in slabs
         )
         found = _NodeDensity.joined(parts, slabs)
-    return DensityGrid.of(series, found.nodes, (found.with_c, found.without_c), limits, found.coordinate)
+    return DensityGrid.of(series, found.nodes, (found.with_c, found.without_c), limits)
 
 
 @dataclass(frozen=True)
@@ -374,46 +482,59 @@ class _NodeDensity:
     nodes: Nodes
     with_c: Array
     without_c: Array
-    coordinate: ConditionalCoordinate | None
 
     @classmethod
-    def joined(cls, parts: Iterable[_NodeDensity], slabs: Sequence[slice]) -> _NodeDensity:
-        """That of all nodes of e_n, from slabs of them."""
-        n_e, made = slabs[-1].stop, list[Array]()
+    def joined(cls, parts: Iterable[_NodeDensity], slabs: Sequence[Slab]) -> _NodeDensity:
+        """That of all nodes, from slabs of them."""
+        axis, n, made = slabs[0].axis, slabs[-1].nodes.stop, list[Array]()
         for part, slab in zip(parts, slabs, strict=True):
             arrays = part._arrays()
-            if not made:  # what does not depend on e_n stays as it is
+            if not made:  # what does not depend on the axis stays as it is
                 made = [
-                    np.empty((own.shape[0], n_e, *own.shape[2:])) if own.shape[1] > 1 else own
+                    np.empty((*own.shape[:axis], n, *own.shape[axis + 1 :])) if own.shape[axis] > 1 else own
                     for own in arrays
                 ]
             for whole, own in zip(made, arrays, strict=True):
-                if own.shape[1] > 1:
-                    whole[:, slab] = own
-        e_n, x, c, mu, with_c, without_c, *rest = made
-        return cls(Nodes(e_n, x, c, mu), with_c, without_c, ConditionalCoordinate(*rest) if rest else None)
+                if own.shape[axis] > 1:
+                    slab.of(whole)[...] = own
+        e_n, c, mu, x, with_c, without_c, *rest = made
+        coordinate = ConditionalCoordinate(*rest) if rest else None
+        nodes = replace(part.nodes, values=Values(e_n, c, mu), x=x, coordinate=coordinate)
+        return cls(nodes, with_c, without_c)
 
     def _arrays(self) -> list[Array]:
-        n, at = self.nodes, self.coordinate
-        own = [n.e_n, n.x, n.c, n.mu, self.with_c, self.without_c]
+        n, values, at = self.nodes, self.nodes.values, self.nodes.coordinate
+        own = [values.e_n, values.c, values.mu, n.x, self.with_c, self.without_c]
         return own if at is None else [*own, at.mode, at.size, at.u_max]
 
 
-def _slabs(series: SeriesIntegral, known: Values) -> list[slice]:
-    """Nodes of e_n that are worked on at once, at least two."""
-    n_e = known.e_n.shape[1]
-    of_c = 2 * (series.c_order + 1) if series.integrates_c and 1 not in series.c_independent_axes else 1
-    outer = max(known.c.shape[0], known.mu.shape[0], known.e_n.shape[0])
-    values = outer * n_e * of_c * (1 if series.x_axis is None else series.x_axis.size)
-    count = max(1, min(n_e // 2, values // _AT_ONCE))
-    ends = np.linspace(0, n_e, count + 1).astype(int)
-    return [slice(int(low), int(high)) for low, high in pairwise(ends)]
+def _slabs(series: SeriesIntegral, known: Values) -> list[Slab]:
+    """Nodes at which the density is worked out at once."""
+    shape = [max(known.e_n.shape[0], known.c.shape[0], known.mu.shape[0]), known.e_n.shape[1], 1]
+    if series.x_axis is not None:
+        shape[2] = series.x_axis.size
+    if series.integrates_c:
+        shape = [1 if axis in series.c_independent_axes else n for axis, n in enumerate(shape)]
+    of_c = 2 * (series.c_order + 1) if series.integrates_c else 1
+    return _slabs_of_rows(series, shape, of_c * math.prod(shape))
+
+
+def _slabs_of_rows(series: SeriesIntegral, shape: Sequence[int], size: int) -> list[Slab]:
+    """Slabs for sums of squares.
+
+    Where polynomials stand for curved rows, eq. (13), these are found for each slab: few of them, and none
+    along e_n.
+    """
+    m, _, n_x = shape
+    if series.squares.is_quadratic or max(m, n_x) == 1:
+        return slabs_of(shape, size, _AT_ONCE)
+    return slabs_of((m, 1, n_x), size, max(_AT_ONCE, size // _CURVED_SLABS))
 
 
 def _density_at(
-    series: SeriesIntegral, known: Values, x: Array, log_jacobian: Array, noise: Array | None
+    series: SeriesIntegral, known: Values, x: Array, log_jacobian: Array, noise: Array | None, slabs: int = 1
 ) -> _NodeDensity:
-    """Likelihood times prior at the nodes of e_n that are known, and all others."""
+    """Likelihood times prior at the nodes of one of a number of slabs."""
     values, x, log_role = series.role.solve(x, known)
     log_jacobian = log_jacobian + log_role
     squares = series.squares.quadratics(values.e_n, x)
@@ -424,17 +545,17 @@ def _density_at(
         near = series.squares.with_mu(squares, values.e_n, x)
         at = ConditioningValues(near, values.e_n, x, None if noise is None else noise[..., 0])
         coordinate = conditional_coordinate(series, series.c, at)
-        c_nodes, log_by_c = coordinate.nodes(series.c_order)
+        c_nodes, log_by_c = coordinate.nodes_and_measure(series.c_order)
         log_measure = log_measure + log_by_c
     mu = series.role.friction(values, x, c_nodes)
-    with_c, without_c = _log_likelihood(series, squares, values.e_n, x, c_nodes, mu, noise)
+    with_c, without_c = _log_likelihood(series, squares, values.e_n, x, c_nodes, mu, noise, slabs)
     prior = _log_prior(series, values, x, c_nodes, mu)
     with_c, without_c = with_c + prior[0], without_c + prior[1] + series.log_norm
     if log_measure.shape[-1] == 1:
         without_c = without_c + log_measure[..., 0]
     else:
         with_c = with_c + log_measure
-    return _NodeDensity(Nodes(values.e_n, x, c_nodes, mu), with_c, without_c, coordinate)
+    return _NodeDensity(Nodes(series.role, values, x, coordinate, series.c_order), with_c, without_c)
 
 
 def _known(series: SeriesIntegral, shared: Mapping[str, Array]) -> Values:
@@ -492,6 +613,7 @@ def _log_likelihood(
     c: Array,
     mu: Array,
     noise: Array | None,
+    slabs: int,
 ) -> tuple[Array, Array]:
     """Log likelihood of the rows: the part that varies with c, (m, n_e, n_x, n_c), and the rest, 3 axes.
 
@@ -503,7 +625,7 @@ def _log_likelihood(
         k = series.squares.coefficients
         return error_model_log_likelihood(series.row_law, k, e_n, x, c, mu, noise), without_c
     d = c - series.squares.reference.c
-    curved = series.squares.curved(e_n[..., None], x[..., None], c, mu)
+    curved = series.squares.curved(e_n[..., None], x[..., None], c, mu, slabs)
     for number, (q, more) in enumerate(zip(squares, curved, strict=True)):
         n = series.squares.groups[number].size
         if not n:

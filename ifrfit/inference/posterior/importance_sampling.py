@@ -23,6 +23,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
+from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.grid_settings import fits_at_modes
 from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
@@ -469,7 +470,9 @@ def noise_marginals(scales: Mapping[str, NoiseScale], weights: Array, squares: A
     """
     both = np.stack((weights, weights))
     return {
-        noise_name(name): noise_over_squares(scale, square, both, _NEGLIGIBLE, noise_name(name))
+        noise_name(name): noise_over_squares(
+            scale, DiscreteLaw.of(square, both), _NEGLIGIBLE, noise_name(name)
+        )
         for (name, scale), square in zip(scales.items(), squares.T, strict=True)
     }
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
-from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.density_grid import DensityGrid, Nodes
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import (
@@ -39,6 +39,7 @@ _TINY = 1e-300
 
 def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Marginal]:
     """Every marginal, in the order of theta, then kappa, then noises."""
+    noises = _noise_marginals(layout, density)  # first: they hold arrays of the size of the grid for a while
     found: dict[str, Marginal] = {}
     kappas = kappa_marginals(layout, density)
     for kind in ("e_n", "c", "mu"):
@@ -55,14 +56,19 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
                 made = _parameter_marginal(layout, density, kind, block, parameter)
             found[parameter.name] = made
     found |= kappas
+    return found | noises
+
+
+def _noise_marginals(layout: IntegralLayout, density: JointDensity) -> dict[str, Marginal]:
+    found: dict[str, Marginal] = {}
     number = layout.integral.number_of("noise")
     if number is not None:
         found["noise"] = shared_marginal(density, number, "noise")
     for grid, names in zip(density.grids, layout.noise_groups, strict=True):
         for group, name in enumerate(names):
-            squares, label = grid.sums_of_squares(group, density.share), noise_name(name)
+            law, label = grid.law_of_squares(group, density.share), noise_name(name)
             negligible = math.exp(-grid.series.tail)
-            found[label] = noise_over_squares(grid.series.noise_scale(group), *squares, negligible, label)
+            found[label] = noise_over_squares(grid.series.noise_scale(group), law, negligible, label)
     return found
 
 
@@ -105,6 +111,16 @@ def _kappa_marginal(layout: IntegralLayout, density: JointDensity, block: int, n
     return kappa_marginal(density, number, name)
 
 
+def _kappa(nodes: Nodes) -> Array:
+    """At the nodes of a series in which kappa has taken the place of mu."""
+    return nodes.mu
+
+
+def _inverse(nodes: Nodes) -> Array:
+    """1/(1 + e_n)."""
+    return np.asarray(1.0 / (1.0 + nodes.e_n[..., None]))
+
+
 class _Quotient:
     """mu from the marginals of kappa and e_n, and the series that hold them.
 
@@ -125,22 +141,13 @@ class _Quotient:
         (kappa_mean, kappa_sd), (e_mean, e_sd) = kappa.moments(0), e_n.moments(0)
         self.e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, _TINY)
 
-    @property
-    def factors(self) -> tuple[Array, Array]:
-        """kappa at the nodes of its series, and 1/(1 + e_n) at those of e_n."""
-        return self._friction.nodes.mu, 1.0 / (1.0 + self._restitution.nodes.e_n[..., None])
-
     @cached_property
     def moments(self) -> list[tuple[float, float]]:
         """Mean and standard deviation by the rules, and by the coarse ones."""
-        of_kappa, inverse = self.factors
-        w, k = self._restitution.expectation(inverse), self._friction.expectation(of_kappa)
-        # about the means by the rules, for both levels
-        w_square = (inverse - w[0][:, None, None, None]) ** 2
-        k_square = (of_kappa - k[0][:, None, None, None]) ** 2
-        w_variance = self._restitution.expectation(w_square) - (w - w[0]) ** 2
-        k_variance = self._friction.expectation(k_square) - (k - k[0]) ** 2
         share = self._density.share
+        w, w_square, w_place = self._restitution.mean_and_square(_inverse, share)
+        k, k_square, k_place = self._friction.mean_and_square(_kappa, share)
+        w_variance, k_variance = w_square - (w - w_place) ** 2, k_square - (k - k_place) ** 2
         mean = (share * (k * w)).sum(axis=1)
         within = k_variance * (w * w + w_variance) + k * k * w_variance
         square = (share * (within + (k * w - mean[:, None]) ** 2)).sum(axis=1)
@@ -153,10 +160,6 @@ class _Quotient:
         return self._mean_over_kappa(t, levels) if self.e_is_wider else self._mean_over_e(t, levels)
 
     @cached_property
-    def _kappa_law(self) -> tuple[Array, Array]:
-        return self._friction.discrete_law(self._friction.nodes.mu, self._density.share)
-
-    @cached_property
     def _e_law(self) -> tuple[Array, Array]:
         """1 + e_n at the nodes that count, (n,), and their probabilities, (2, m or 1, n)."""
         law = self._restitution.e_probabilities()
@@ -164,13 +167,13 @@ class _Quotient:
         return 1.0 + self._restitution.nodes.e_n.reshape(-1)[kept], law[:, :, kept]
 
     def _mean_over_kappa(self, t: Array, levels: int) -> Array:
-        value, probability = self._kappa_law
         total = np.zeros((levels, t.size))
         step = max(1, _AT_ONCE // t.size)
-        for part in (slice(start, start + step) for start in range(0, value.size, step)):
-            e_n = value[part] / np.maximum(t, _TINY)[:, None] - 1.0
-            above = 1.0 - self._e_n.cdf(e_n.reshape(-1), levels).reshape(levels, t.size, -1)
-            total += (above @ probability[:levels, part, None])[..., 0]
+        for value, probability in self._friction.law_of(_kappa, self._density.share):
+            for part in (slice(start, start + step) for start in range(0, value.size, step)):
+                e_n = value[part] / np.maximum(t, _TINY)[:, None] - 1.0
+                above = 1.0 - self._e_n.cdf(e_n.reshape(-1), levels).reshape(levels, t.size, -1)
+                total += (above @ probability[:levels, part, None])[..., 0]
         return total
 
     def _mean_over_e(self, t: Array, levels: int) -> Array:
@@ -221,7 +224,7 @@ def quotient_marginal(
         parameter.upper,
         lambda level: quotient.moments[level],
         quotient.cdf,
-        tuple(zip(numbers, quotient.factors, strict=True)),
+        tuple(zip(numbers, (_kappa, _inverse), strict=True)),
         quotient.kinks(),
     )
 

@@ -8,7 +8,7 @@ posterior of that sum, eq. (11). The marginals of the parameters of one series a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.posterior.density_grid import PanelErrors
+from ifrfit.inference.posterior.density_grid import PanelErrors, Quantity
+from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import (
@@ -76,7 +77,7 @@ class Marginal:
     high: float
     moments: Moments
     cdf: Cdf
-    factors: tuple[tuple[int, Array], ...] = ()
+    factors: tuple[tuple[int, Array | Quantity], ...] = ()
     kinks: Callable[[Array], tuple[QuadratureAxis, Array]] | None = None
     errors: Callable[[Array, Array], list[PanelErrors]] | None = None
 
@@ -217,18 +218,17 @@ def covariance(density: JointDensity, marginals: Sequence[Marginal]) -> Array:
     return found
 
 
-def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array], ...]) -> Array:
+def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array | Quantity], ...]) -> Array:
     """Mean of a product at each outer node, (m,); series are independent there."""
-    by_series: dict[int, list[Array]] = {}
-    for number, values in factors:
-        by_series.setdefault(number, []).append(values)
+    by_series: dict[int, list[Quantity]] = {}
     found: Array = np.ones(1)
-    for number, of_series in by_series.items():
-        if number == OUTER:
-            mean = np.asarray(math.prod(of_series))
+    for number, factor in factors:
+        if isinstance(factor, np.ndarray):
+            found = found * factor
         else:
-            mean = density.grids[number].expectation(*of_series)[0]
-        found = found * mean
+            by_series.setdefault(number, []).append(factor)
+    for number, of_series in by_series.items():
+        found = found * density.grids[number].expectation(*of_series)[0]
     return found
 
 
@@ -302,23 +302,20 @@ def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
     return found
 
 
-def noise_over_squares(
-    own: NoiseScale, square: Array, weight: Array, negligible: float, name: str
-) -> Marginal:
+def noise_over_squares(own: NoiseScale, law: DiscreteLaw, negligible: float, name: str) -> Marginal:
     """The unknown sigma of a group, where a discrete law of its sum of squares is known.
 
     Parameters
     ----------
     own : NoiseScale
         The law of sigma given the sum of squares.
-    square : ndarray, (m,)
-    weight : ndarray, (2, m)
-        Probability of each, at both levels.
+    law : DiscreteLaw
+        Of the sum of squares.
     negligible : float
         Probability of sums of squares that are left out.
     name : str
     """
-    square, weight = _compressed(square, weight, own.n, negligible)
+    square, weight = _compressed(law, own.n, negligible)
     axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
@@ -357,33 +354,44 @@ def _edges(own: NoiseScale, least: float, most: float) -> Array:
     return edges[(edges >= start) & (edges <= end)]
 
 
-def _compressed(square: Array, weight: Array, n: float, negligible: float) -> tuple[Array, Array]:
+def _compressed(law: DiscreteLaw, n: float, negligible: float) -> tuple[Array, Array]:
     """A discrete law of sums of squares, probabilities (2, m), with the same moments on a few nodes.
 
     What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
     out over interpolation nodes, exactly for polynomials. Nodes that hold no more than `negligible` all
     together are left out: with them 9 of 67 drawn tables took 1.2 to 3.1 times as long, the others as long.
     """
-    kept = np.abs(weight[0]) > negligible / weight.shape[1]
-    log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[:, kept]
-    low, high = float(log_q.min()), float(log_q.max())
+    least = negligible / law.size
+    low, high, total = math.inf, -math.inf, np.zeros((2, 1))
+    for square, weight in _kept(law, least):
+        low, high = min(low, math.log(square.min())), max(high, math.log(square.max()))
+        total += weight.sum(axis=1, keepdims=True)
     if high - low < 1e-9:
-        return np.exp(np.array([low])), weight.sum(axis=1, keepdims=True)
+        return np.exp(np.array([low])), total
     # the law given a sum of squares has the sd sqrt(2/n) in its logarithm
     count = min(_FEWEST + int(4.0 * (high - low) / math.sqrt(2.0 / n)), _MOST)
-    y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
     # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
     sums = np.zeros((2, count))
-    for begin in range(0, y.size, _AT_ONCE):
-        own, share = y[begin : begin + _AT_ONCE], weight[:, begin : begin + _AT_ONCE]
-        before, now, after, twice = np.ones_like(own), own, np.empty_like(own), 2.0 * own
-        sums[:, 0] += share.sum(axis=1)
-        for j in range(1, count):
-            sums[:, j] += share @ now
-            np.multiply(twice, now, out=after)
-            after -= before
-            before, now, after = now, after, before
+    for square, weight in _kept(law, least):
+        y = np.clip((2.0 * np.log(square) - low - high) / (high - low), -1.0, 1.0)
+        for begin in range(0, y.size, _AT_ONCE):
+            own, share = y[begin : begin + _AT_ONCE], weight[:, begin : begin + _AT_ONCE]
+            before, now, after, twice = np.ones_like(own), own, np.empty_like(own), 2.0 * own
+            sums[:, 0] += share.sum(axis=1)
+            for j in range(1, count):
+                sums[:, j] += share @ now
+                np.multiply(twice, now, out=after)
+                after -= before
+                before, now, after = now, after, before
     angle = np.pi * (np.arange(count) + 0.5) / count
     sums[:, 1:] *= 2.0
     at = np.cos(np.arange(count)[:, None] * angle) / count
     return np.exp(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)), sums @ at
+
+
+def _kept(law: DiscreteLaw, least: float) -> Iterator[tuple[Array, Array]]:
+    """Sums of squares of more than the least probability, and their probabilities, in parts."""
+    for square, weight in law.parts():
+        kept = np.abs(weight[0]) > least
+        if kept.any():
+            yield np.maximum(square[kept], 1e-300), weight[:, kept]

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
+from ifrfit.inference.posterior.density_grid import DensityGrid, Nodes, PanelErrors, Quantity
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
+from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import ClosureConstantFree, RestitutionFree, sticking_bound
 
@@ -41,20 +42,44 @@ def series_marginal(density: JointDensity, number: int, kind: str, parameter: Fr
         The one that the series integrates over.
     """
     grid = density.grids[number]
-    nodes = grid.nodes
     errors: Errors | None = None
     if kind == "e_n":
-        values, cdf = nodes.e_n[..., None], _e_n(density, grid)
+        quantity, cdf = _value_of_e_n, _e_n(density, grid)
     elif kind == "mu":
-        values, (cdf, errors) = nodes.mu, _friction(density, grid, 1.0 + nodes.e_n)
+        quantity, (cdf, errors) = _value_of_mu, _friction(density, grid, 1.0 + grid.nodes.e_n)
     else:
-        values, (cdf, errors) = nodes.c, _c(density, grid)
-    moments, factors = _moments(density, grid, values), ((number, values),)
+        quantity, (cdf, errors) = _value_of_c, _c(density, grid)
+    moments, factors = _moments(density, grid, quantity), ((number, quantity),)
     return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, factors, errors=errors)
 
 
-def _moments(density: JointDensity, grid: DensityGrid, values: Array) -> Moments:
-    return moments_of(lambda of: (density.share * grid.expectation(of(values))).sum(axis=1))
+def _value_of_e_n(nodes: Nodes) -> Array:
+    return nodes.e_n[..., None]
+
+
+def _value_of_c(nodes: Nodes) -> Array:
+    return nodes.c
+
+
+def _value_of_mu(nodes: Nodes) -> Array:
+    return nodes.mu
+
+
+def _value_of_kappa(nodes: Nodes) -> Array:
+    return nodes.mu * (1.0 + nodes.e_n[..., None])
+
+
+def _moments(density: JointDensity, grid: DensityGrid, quantity: Quantity) -> Moments:
+    """Mean and standard deviation of a quantity of one series."""
+
+    @cache
+    def at_levels() -> list[tuple[float, float]]:
+        mean, square, place = grid.mean_and_square(quantity, density.share)
+        means, squares = ((density.share * each).sum(axis=1) for each in (mean, square))
+        variances = squares - (means - place) ** 2
+        return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(means, variances, strict=True)]
+
+    return lambda level: at_levels()[level]
 
 
 def _e_n(density: JointDensity, grid: DensityGrid) -> Cdf:
@@ -168,8 +193,8 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
     """Of kappa = mu (1 + e_n) of one series."""
     grid = density.grids[number]
     series, nodes = grid.series, grid.nodes
-    moments = _moments(density, grid, nodes.mu * (1.0 + nodes.e_n[..., None]))
-    mu_ends, e_ends = _ends(series.mu, nodes.mu), _ends(series.e_n, nodes.e_n)
+    moments = _moments(density, grid, _value_of_kappa)
+    mu_ends, e_ends = _ends(series.mu, nodes.values.mu), _ends(series.e_n, nodes.e_n)
     low, high = (mu * (1.0 + e_n) for mu, e_n in zip(mu_ends, e_ends, strict=True))
     if isinstance(series.role, ClosureConstantFree) and isinstance(series.e_n, FreeParameter):
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
@@ -213,7 +238,7 @@ def _kappa_kinks(
 def transition_marginal(density: JointDensity, number: int) -> Marginal:
     """Of tau/(tau + unit) of one series: it has an end and moments also where the transition has none."""
     grid = density.grids[number]
-    series, x = grid.series, grid.nodes.x
+    series = grid.series
     law, unit = series.squares.law, series.unit
 
     def tau(s: Array) -> Array:
@@ -221,10 +246,14 @@ def transition_marginal(density: JointDensity, number: int) -> Marginal:
 
     if law is None:
         below = grid.x_cdf(density.share)
-        moments = _moments(density, grid, (x / (x + unit))[..., None])
+        moments = _moments(density, grid, lambda nodes: (nodes.x / (nodes.x + unit))[..., None])
         return Marginal("tau", 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
-    x = x[..., None]
-    moments = _moments(density, grid, x / np.maximum(x + unit * law.bound(grid.nodes.c), _TINY))
+
+    def scaled(nodes: Nodes) -> Array:
+        x = nodes.x[..., None]
+        return np.asarray(x / np.maximum(x + unit * law.bound(nodes.c), _TINY))
+
+    moments = _moments(density, grid, scaled)
     if not (series.integrates_c and isinstance(series.c, FreeParameter)):
         below, bound = grid.x_cdf(density.share), law.bound(grid.nodes.c[..., 0])[..., 0]
         return Marginal(
@@ -274,10 +303,11 @@ class ConditionalCdf:
         weight = grid.factor * grid.weight * grid.outer(share)
         alone = tuple(1 + axis for axis, n in enumerate(shape) if n == 1)
         weight = weight.sum(axis=alone, keepdims=True).reshape(2, -1)
-        density = np.arange(integrals.mode.size).reshape(grid.f.shape[:3])
-        node = np.broadcast_to(density, shape).reshape(-1)
+        followed = np.full(math.prod(grid.f.shape[:3]), -1)
+        followed[integrals.node] = np.arange(integrals.node.size)
+        node = np.broadcast_to(followed.reshape(grid.f.shape[:3]), shape).reshape(-1)
         mass = np.abs(weight).max(axis=0) * integrals.total[0].sum(axis=0)[node]
-        at = np.flatnonzero(mass > math.exp(-grid.series.tail) / mass.size)
+        at = np.flatnonzero((mass > math.exp(-grid.series.tail) / mass.size) & (node >= 0))
         self._integrals, self._threshold, self._shape = integrals, threshold, shape
         self._falls = falls
         self._at, self._node, self._weight = at, node[at], weight[:, at]

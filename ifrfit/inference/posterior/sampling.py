@@ -114,9 +114,9 @@ def _series(
         found["x"] = series.to_x(t)
         if series.integrates_c:
             x_share = _fraction_to_next(series.x_axis.nodes(), x_at, t)
-    if grid.coordinate is not None:
+    if grid.nodes.coordinate is not None:
         e_at = e_at + (rng.random(n) < e_share)
-        found["c"] = _closure_constant(grid, grid.coordinate, row, e_at, x_at, x_share, rng.random(n))
+        found["c"] = _closure_constant(grid, grid.nodes.coordinate, row, e_at, x_at, x_share, rng.random(n))
     return series.role.complete(found)
 
 

@@ -244,17 +244,19 @@ class SumOfSquares:
             for q, friction in zip(squares, self._friction, strict=True)
         ]
 
-    def curved(self, e_n: Array, x: Array, c: Array, mu: Array) -> list[Array | float]:
+    def curved(self, e_n: Array, x: Array, c: Array, mu: Array, slabs: int = 1) -> list[Array | float]:
         """Sum of squares of each noise group's curved rows, and of those of mu that `quadratics` leaves out.
 
-        0.0 where there are none.
+        0.0 where there are none. The constants are those of one of a number of slabs of a grid.
         """
-        return [self.curved_of(group, e_n, x, c, mu) for group in range(len(self.groups))]
+        return [self.curved_of(group, e_n, x, c, mu, slabs) for group in range(len(self.groups))]
 
-    def curved_of(self, group: int, e_n: Array, x: Array, c: Array, mu: Array) -> Array | float:
+    def curved_of(
+        self, group: int, e_n: Array, x: Array, c: Array, mu: Array, slabs: int = 1
+    ) -> Array | float:
         """The same of one noise group."""
         rows, friction = self.curved_rows[group], self._friction[group]
-        square = self._curved_group(rows, e_n, x, c) if rows.size else 0.0
+        square = self._curved_group(rows, e_n, x, c, slabs) if rows.size else 0.0
         if friction.curvature and self.coefficients.b1:
             square = square + friction.at(mu - self.reference.mu)
         return square
@@ -288,9 +290,11 @@ class SumOfSquares:
             ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
         return np.asarray(a[..., None] + b[..., None] * np.minimum(1.0, ratio))
 
-    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, slabs: int) -> Array:
         shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape)
-        if rows.size * math.prod(shape) < _MANY or self.law is not None:  # its tables are not that smooth
+        if (
+            slabs * rows.size * math.prod(shape) < _MANY or self.law is not None
+        ):  # its tables are not that smooth
             return self._squares(rows, *(np.broadcast_to(y, shape) for y in (e_n, x, c)))
         return on_grid(lambda *at: self._squares(rows, *at), e_n, x, c, rows.size)
 

@@ -25,6 +25,7 @@ from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.adaptive_quadrature import integrate
+from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, noise_over_squares, whole_error
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
@@ -726,8 +727,8 @@ def _marginals(
         # with c integrated out, sigma knows a sum of squares of one row less
         negligible = _NO_SHARE * tolerance * kappa.kappa.size
         less = NoiseScale(own.n - 1.0, own.lower, own.upper)
-        found[first] = noise_over_squares(less, kappa.square, kappa.share, negligible, first)
-        found[second] = noise_over_squares(other, e_n.square, e_n.share, negligible, second)
+        found[first] = noise_over_squares(less, DiscreteLaw.of(kappa.square, kappa.share), negligible, first)
+        found[second] = noise_over_squares(other, DiscreteLaw.of(e_n.square, e_n.share), negligible, second)
     return found
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 from scipy import special
 
+from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.marginals import _ORDER, _compressed, _edges
 from ifrfit.inference.posterior.noise_scale import NoiseScale, _log_gamma_share
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
@@ -87,7 +88,7 @@ def test_a_few_sums_of_squares_stand_for_many(n: int) -> None:
     square = n * np.exp(rng.normal(0.0, 0.3, 4000) * math.sqrt(2.0 / n))
     weight = rng.random((2, 4000))
     weight /= weight.sum(axis=1, keepdims=True)
-    few, share = _compressed(square, weight, n, 0.0)
+    few, share = _compressed(DiscreteLaw.of(square, weight), n, 0.0)
     assert few.size < 100
     own = NoiseScale(n, 1e-3, 1e3)
     at = np.linspace(-2.0, 2.0, 60)
