@@ -21,7 +21,7 @@ _PLACEHOLDER = re.compile(r"[A-Z_]+")  # as DIR
 # words of the sentence behind an option without a value
 _GRAMMAR = re.compile(
     "a|again|alone|and|anew|at|away|begins|beside|belongs|both|but|cannot|chooses|contradicts|do|does|first|fits|for"
-    "|from|goes|if|in|instead|is|it|itself|keeps|may|must|names|needs|of|on|once|or|out|picks?|shows|takes|that|the"
+    "|from|goes|if|in|instead|is|it|itself|keeps|may|must|names|needs?|of|on|once|or|out|picks?|shows|takes|that|the"
     "|then|there|to|together|too|under|until|was|with|without|would|writes|wrote"
 )
 # keyword of the shell to the object that has it, and its field; all others are keywords of functions
@@ -106,6 +106,8 @@ def _literal(value: str) -> str:
     bare = value.strip("'")
     if bare == "..." or _PLACEHOLDER.fullmatch(bare):
         return "..."
+    if bare in ("nan", "inf", "-inf"):
+        return f'float("{bare}")'
     parts = bare.split(",")
     if all(_NUMBER.fullmatch(part) or _PLACEHOLDER.fullmatch(part) for part in parts):
         return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"

@@ -78,6 +78,13 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
 
 def _frame(table: Mapping[Any, Any], name: str) -> pd.DataFrame:
     """A frame of columns of one length; single values stand in every row."""
+    given = [(header, values) for header, values in table.items() if isinstance(values, pd.Series)]
+    for header, values in given[1:]:
+        if not values.index.equals(given[0][1].index):
+            raise DataError(
+                f"{name}: the Series {given[0][0]} and {header} have different indexes. Put them into one "
+                "data frame, which pairs their rows, or give their values alone (.to_numpy())."
+            )
     columns = {
         _header(header): _values(values, f"{name}, column {header}") for header, values in table.items()
     }
@@ -100,6 +107,12 @@ def _values(values: Any, where: str) -> Any:
     """A column of a mapping as a list or an array of one dimension, or one value for all rows."""
     if values is None or isinstance(values, str | int | float):
         return values
+    if isinstance(values, np.ma.MaskedArray):
+        return values.tolist()  # None where it is masked
+    if isinstance(values, set | frozenset | dict):
+        raise DataError(f"{where}: a {type(values).__name__} is no column. Give a list or an array.")
+    if isinstance(values, Iterator):
+        return list(values)
     if isinstance(values, pd.Series):
         return values.array if isinstance(values.dtype, pd.CategoricalDtype) else values.to_numpy()
     if isinstance(values, Sequence):

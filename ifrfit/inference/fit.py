@@ -262,11 +262,20 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
 
+    parameters = tuple(model.parameters(inertia))
+    # least squares, which facts on single rows take, know the normal law in the place of another
+    shaped = [one for one in parameters if one.shape is not None and one.prior is not None]
+    for_sample = replace(
+        model,
+        prior={**model.prior, **{one.name: one.prior for one in shaped if one.prior is not None}},
+        bounds={**model.bounds, **{one.name: (one.lower, one.upper) for one in shaped}},
+    )
+
     def of_sample(observations: Observations) -> FitResult:
         # its rows are those of the selection already, but for the columns that are not used
         return fit(
             observations,
-            model,
+            for_sample,
             noise=noise,
             method="lsq",
             seed=seed,
@@ -274,7 +283,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
             independent=stream.selection.independent,
         )
 
-    return Asked(closure, tuple(model.parameters(inertia)), of_sample, assumed)
+    return Asked(closure, parameters, of_sample, assumed)
 
 
 @dataclass(frozen=True)

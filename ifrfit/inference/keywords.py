@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
-from ifrfit.inference.option_fields import build, check_form, given
+from ifrfit.inference.option_fields import build, check_form, given, plain
 from ifrfit.inference.options import Model, Noise, Range
 from ifrfit.text import meant
 
@@ -153,6 +153,8 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
         If both say something, and as `Model`.
     """
     params = keywords.get("params")
+    if model is not None and not isinstance(model, Model):
+        raise UsageError(f"model: {model!r:.60} is no Model. Name a closure by --closure {model!s:.30}.")
     if model is not None:
         said = given(Model, keywords) | ({} if params is None else {"params": params})
         if said:
@@ -212,9 +214,9 @@ def selection_of(keywords: Mapping[str, Any]) -> Selection:
     for name in ("gamma_min", "gamma_max", "speed_min", "speed_max"):
         if keywords.get(name) is not None:
             check_form(f"--{name.replace('_', '-')}", "number", keywords[name])
+    said = {each.name: plain(keywords[each.name]) for each in fields(Selection) if each.name in keywords}
     for name in ("observable", "series"):
-        check_form(f"--{name}", "names", keywords.get(name) or ())
-    said = {each.name: keywords[each.name] for each in fields(Selection) if each.name in keywords}
+        check_form(f"--{name}", "names", said.get(name) or ())
     for name in ("observable", "series", "exclude"):
         value = said.get(name) or ()
         said[name] = (value,) if isinstance(value, str | int) else tuple(value)

@@ -146,6 +146,11 @@ def given(owner: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key in options and options[key].is_given(value)}
 
 
+def plain(value: Any) -> Any:
+    """A list in the place of an array or a column of names or numbers."""
+    return value.tolist() if hasattr(value, "tolist") and hasattr(value, "dtype") else value
+
+
 def check_form(flag: str, form: Form, value: object) -> None:
     """Refuse a value that is not of the form of its option: on the command line it could not be written.
 
@@ -186,7 +191,7 @@ def _is_names(value: object) -> bool:
 
 
 def _is_prior(value: object) -> bool:
-    return _is_pair(value) or hasattr(value, "log_density")
+    return _is_pair(value) or (hasattr(value, "log_density") and not isinstance(value, type))
 
 
 _NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair, "priors": _is_prior}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.error_model import ANGLES, ErrorModel
-from ifrfit.inference.option_fields import Options, nested, option
+from ifrfit.inference.option_fields import Options, nested, option, plain
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
@@ -111,6 +111,7 @@ class Model(Options):
     )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "separate", plain(self.separate))
         super().__post_init__()
         for name in ("fix", "prior", "bounds"):
             object.__setattr__(self, name, dict(getattr(self, name) or {}))

@@ -287,9 +287,7 @@ def test_resolve_names_both_possibilities(tmp_path, points):
 
 
 def test_resolve_refuses_conventions_for_a_dataset():
-    with pytest.raises(
-        UsageError, match="kharaz-2001 is a dataset in the common schema: leave --convention away"
-    ):
+    with refused(UsageError, match="kharaz-2001 is a dataset in the common schema: leave --convention away"):
         catalogue.resolve("kharaz-2001", convention=("angle=gamma_deg:from-wall",))
 
 
@@ -304,7 +302,7 @@ def damaged(tmp_path):
 def test_changed_data_are_refused(damaged):
     with (damaged / "data.csv").open("a", encoding="utf-8") as file:
         file.write("no spin,delta_deg,50,,,,,,48,1,,,stand-in\n")
-    with pytest.raises(
+    with refused(
         DataError, match=r"data\.csv: is not the file that datapackage\.json describes \(another SHA-256\)"
     ):
         catalogue.load_folder(damaged)
@@ -454,11 +452,11 @@ def test_a_printed_table_is_published_up_to_the_result(tmp_path):
 def test_a_stand_in_cannot_be_installed(tmp_path):
     path = tmp_path / "copy.csv"
     shutil.copy(ROOT / "datasets" / "cross-2019" / "data.csv", path)
-    with pytest.raises(
+    with refused(
         DataError, match=r"copy\.csv, line 2, column provenance: a stand-in cannot replace cross-2019"
     ):
         catalogue.install("cross-2019", path)
-    with pytest.raises(
+    with refused(
         UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, published"
     ):
         catalogue.install("cross-2019", path, provenance="stand-in")
@@ -509,14 +507,12 @@ def test_a_failed_write_brings_the_earlier_data_back(points, tmp_path, own_folde
 def test_damaged_installed_data_name_the_way_out(points, own_folder):
     catalogue.install("cross-2019", points)
     (own_folder / "cross-2019" / "data.csv").write_text(MINE, encoding="utf-8")
-    with pytest.raises(
-        DataError, match="Run 'ifrfit datasets remove cross-2019' and install your file again"
-    ):
+    with refused(DataError, match="Run 'ifrfit datasets remove cross-2019' and install your file again"):
         catalogue.load_dataset("cross-2019")
 
 
 def test_remove_without_install_is_refused():
-    with pytest.raises(
+    with refused(
         UsageError, match="Nothing of yours is installed for cross-2019: the bundled dataset is in use"
     ):
         catalogue.remove("cross-2019")

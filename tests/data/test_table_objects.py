@@ -79,6 +79,36 @@ def test_missing_values_are_not_measured():
     assert found.sources[0].rows_skipped == {"not measured": 2}
 
 
+def test_what_is_masked_is_not_measured():
+    beta = np.ma.array(COLUMNS["beta"], mask=[i == 4 for i in range(GAMMA.size)])
+    beta.data[4] = 9.0
+    found = ifrfit.read({"gamma_deg": GAMMA, "beta": beta})
+    assert len(found) == GAMMA.size - 1
+    assert found.table["value"].max() < 1.0
+
+
+def test_series_of_other_rows_are_not_paired_by_place():
+    gamma, beta = pd.Series(GAMMA), pd.Series(COLUMNS["beta"])
+    with pytest.raises(DataError, match="gamma_deg and beta have different indexes"):
+        ifrfit.read({"gamma_deg": gamma.sort_values(ascending=False), "beta": beta})
+    assert len(ifrfit.read({"gamma_deg": gamma, "beta": beta})) == GAMMA.size
+
+
+def test_generators_and_sets():
+    found = ifrfit.fit(gamma_deg=iter(GAMMA), beta=COLUMNS["beta"], sigma=0.02, fix={"e_n": 0.9})
+    assert found.fit.n == GAMMA.size
+    with pytest.raises(DataError, match="a set is no column"):
+        ifrfit.fit(gamma_deg=set(GAMMA), beta=COLUMNS["beta"])
+
+
+def test_arrays_name_series_and_observables():
+    stated = FRAME.assign(sigma=0.02)
+    both = ifrfit.read({"steel": stated, "glass": stated.assign(gamma_deg=GAMMA + 1.0)})
+    for names in (np.array(["steel"]), pd.Series(["steel"])):
+        found = ifrfit.fit(both, series=names, observable=np.array(["beta"]), fix={"e_n": 0.9})
+        assert found.fit.n == GAMMA.size
+
+
 def test_several_tables():
     both = ifrfit.read({"steel": FRAME, "glass": FRAME.assign(gamma_deg=GAMMA + 1.0)})
     assert list(dict.fromkeys(both.table["series"])) == ["steel", "glass"]

@@ -102,9 +102,7 @@ def test_a_policy_that_needs_every_sigma_names_the_row_and_the_remedy(impacts, p
 
 
 def test_other_errors_than_gaussian_ones_are_refused_beside_both(impacts):
-    with pytest.raises(
-        DataError, match=r"run/e_n: no sigma, beside others that have one, and --tails student-t"
-    ):
+    with refused(DataError, match=r"run/e_n: no sigma, beside others that have one, and --tails student-t"):
         ifrfit.fit(impacts(BETA, E_N_WITHOUT), noise=ifrfit.Noise(tails="student-t"))
     two = impacts(BETA, BETA_WITHOUT | {"series": "b"})
     with refused(DataError, match="or take --noise unknown"):

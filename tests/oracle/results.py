@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,7 +101,9 @@ def _fit(result: ifrfit.FitResult, problem: Problem) -> dict[str, Any]:
     if problem.intervals:
         content["intervals"] = _table(result.intervals())
     # the time that a fit took is of the machine
-    content["summary"] = [line for line in result.summary().splitlines() if " effort: " not in line]
+    # in the words of a shell, as the command line has it
+    summary = replace(result, command="ifrfit fit").summary()
+    content["summary"] = [line for line in summary.splitlines() if " effort: " not in line]
     return content
 
 

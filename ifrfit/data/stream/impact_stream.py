@@ -106,6 +106,8 @@ class ImpactStream:
     has_spin : bool
         Whether there is a column of spins before impact.
     notes : tuple of str
+    columns : frozenset of str
+        What counts of the columns of the first file, by the names of the schema: every file has the same.
     """
 
     path: Path
@@ -117,6 +119,7 @@ class ImpactStream:
     has_sigma: bool = False
     has_spin: bool = False
     notes: tuple[str, ...] = ()
+    columns: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -164,6 +167,7 @@ class ImpactStream:
                 if batch.num_rows:
                     if layout is None:
                         layout = identify(cells_of(batch, piece.path, first), self.conventions)
+                        self._refuse_other_columns(layout)
                         plain = PlainRows.of(layout, self.observables, self.has_sigma, self.selection.ranges)
                     seen = self._plain_batch(batch, layout, plain, tally)
                     found, usable = seen or self._batch(batch, piece.path, first, tally, layout, plain)
@@ -315,7 +319,30 @@ class ImpactStream:
             ),
             has_spin=layout.has("spin_x") or layout.has("spin_y"),
             notes=(note,) if dropped else (),
+            columns=self._columns_that_count(layout, used),
         )
+
+    def _columns_that_count(self, layout: Layout, used: Sequence[str]) -> frozenset[str]:
+        """Observables, or those that were asked for; their uncertainties; the spins before impact."""
+        seen = used if self.selection.observable else [name for name in OBSERVABLES if layout.has(name)]
+        sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
+        return frozenset(key for key in (*seen, *sigmas, "spin_x", "spin_y") if layout.has(key))
+
+    def _refuse_other_columns(self, layout: Layout) -> None:
+        """Refuse a file that holds more or less than the first one: what is not there is no zero."""
+        found = self._columns_that_count(layout, self.observables)
+        names = {
+            key: layout.header(key) if key in found else key.replace("sigma:", "sigma_")
+            for key in sorted(self.columns ^ found)
+        }
+        file = layout.cells.file
+        for key, header in names.items():
+            if key in found:
+                raise DataError(
+                    f"{file}: there is a column {header}, which other files do not have. Give all files the "
+                    "same columns, or name what is to be used by --observable."
+                )
+            raise DataError(f"{file}: there is no column {header}, which other files have.")
 
     def _sigma(self, layout: Layout, name: str) -> Array:
         return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")

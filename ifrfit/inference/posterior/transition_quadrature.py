@@ -238,7 +238,8 @@ class _PlainQuestion:
         if not (isinstance(law, Coefficients) and law.b1 == 0.0 and law.a1 != 0.0 and law.b0 > 0.0):
             return None
         noise, parameters = problem.noise, problem.parameters
-        if not (noise.is_known or noise.is_unknown) or noise.counts is not None or noise.scale is not None:
+        # rows that stand for many have a scale of their own; errors in proportion to sigma are none of these
+        if not (noise.is_known or noise.is_unknown) or (noise.scale is not None and noise.counts is None):
             return None
         if not problem.error_model.is_plain:
             return None
@@ -261,9 +262,9 @@ class _PlainQuestion:
         noises = _noises_of(problem, tau.size)
         if noises is None:
             return None
-        scale = 0.0
+        scale = -float(np.log(noise.base).sum())
         if not noises:
-            scale = -float(np.log(noise.sigma).sum()) - noise.sigma.size * _HALF_LOG_2PI
+            scale -= noise.sigma.size * _HALF_LOG_2PI
         for one in (e_n, c, mu):
             scale += one.log_scale - (0.0 if one.prior is None else math.log(one.prior[1]) + _HALF_LOG_2PI)
         order = np.argsort(tau, kind="stable")
@@ -310,11 +311,12 @@ def _noises_of(problem: Problem, n_tangential: int) -> tuple[tuple[str, NoiseSca
         return None
     normal = problem.rows.of_kind("normal")
     (first, one), (second, other) = sorted(groups.items(), key=lambda item: bool(normal[item[1]].any()))
-    if one.size != n_tangential or not normal[other].all() or min(one.size, other.size) < _FEWEST:
+    counts = [problem.noise.count(rows) for rows in (one, other)]
+    if one.size != n_tangential or not normal[other].all() or min(counts) < _FEWEST:
         return None
     return tuple(
-        (noise_name(name), NoiseScale(float(rows.size), *bounds[name]))
-        for name, rows in ((first, one), (second, other))
+        (noise_name(name), NoiseScale(count, *bounds[name]))
+        for name, count in zip((first, second), counts, strict=True)
     )
 
 

@@ -64,8 +64,8 @@ class FitResult(Findings, Display):
     --------
     >>> import ifrfit
     >>> fit = ifrfit.fit("cornell-glass")
-    >>> fit.constants.e_n.interval95
-    (0.9583503150620506, 0.990268706266822)
+    >>> [round(end, 4) for end in fit.constants.e_n.interval95]
+    [0.9584, 0.9903]
     >>> fit.predict([20.0, 60.0], observable="beta_cm")[["value", "lo95", "hi95"]].round(3)
        value   lo95   hi95
     0 -0.590 -0.600 -0.565

@@ -74,9 +74,22 @@ def predict(
     import pandas as pd
 
     wanted = OBSERVABLES[observable]
-    gamma, s_x, s_y = np.broadcast_arrays(
-        np.atleast_1d(np.asarray(gamma, dtype=float)), np.asarray(spin_x, float), np.asarray(spin_y, float)
-    )
+    try:
+        gamma, s_x, s_y = np.broadcast_arrays(
+            np.atleast_1d(np.asarray(gamma, dtype=float)),
+            np.asarray(spin_x, float),
+            np.asarray(spin_y, float),
+        )
+    except (ValueError, TypeError):
+        raise UsageError(
+            "gamma, spin_x and spin_y: give numbers, or arrays of numbers that are as long as one another."
+        ) from None
+    most = 90.0 if degrees else 0.5 * math.pi
+    if ((gamma < 0.0) | (gamma > most)).any():
+        raise UsageError(
+            f"gamma {float(gamma[(gamma < 0.0) | (gamma > most)][0]):g}: incidence angles lie between 0 and "
+            f"{'90 degrees' if degrees else 'pi/2'} from the normal."
+        )
     incidence = Incidence.of(gamma, s_x, s_y, degrees=degrees)
     own_series = _series_of(result, series)
     table = {

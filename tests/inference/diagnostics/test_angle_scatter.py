@@ -23,6 +23,7 @@ from ifrfit.inference.diagnostics.angle_error_size import (
 from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_growth, fall_of_outliers
 from ifrfit.inference.options import AngleErrors
+from ifrfit.report.sentences import findings
 
 TRUTH = {"e_n": 0.9, "e_t": -0.85, "mu": 0.14}
 OBSERVABLES = [("beta", "e_n"), ("v_x", "v_n"), ("beta_cm", "v_n")]
@@ -70,7 +71,7 @@ def test_errors_of_angles_are_named_first(tmp_path, names, sigma, seeds):
             continue
         assert failing(result)[0] == "angle_scatter"
         sizes.append(result.facts["angle_scatter"].figures["size"])
-        assert "--angle-errors effective --sigma-gamma" in " ".join(result.summary().split())
+        assert any('AngleErrors(kind="effective", sigma_deg=' in says for _, says in findings(result))
     assert len(sizes) >= 0.6 * seeds
     assert np.median(sizes) == pytest.approx(1.2, rel=0.2)
 

@@ -20,7 +20,8 @@ from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
-WITHOUT = ("observations",)  # where the rows come from: reported, and part of no computation
+# where the rows come from, and at which spins a transition is quoted: reported, and part of no computation
+WITHOUT = {"observations": None, "quoted_spins": ((0.0, 0.5),)}
 
 
 def question() -> Problem:
@@ -111,8 +112,8 @@ def test_every_field_counts(way: Path) -> None:
 
 @pytest.mark.parametrize("name", WITHOUT)
 def test_what_is_reported_of_the_source_does_not_count(name: str) -> None:
-    observations = replace(PROBLEM.observations, notes=("another",))
-    assert replace(PROBLEM, **{name: observations}).digest == PROBLEM.digest
+    other = replace(PROBLEM.observations, notes=("another",)) if name == "observations" else WITHOUT[name]
+    assert replace(PROBLEM, **{name: other}).digest == PROBLEM.digest
 
 
 def test_the_same_question_has_the_same_digest() -> None:

@@ -194,3 +194,17 @@ def test_the_page_draws_and_names_the_law(tmp_path):
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "log-normal with median 0.15 and 0.1 as sd of the logarithm" in page
     assert "as Beta(20, 3)" in page
+
+
+@pytest.mark.parametrize(("median", "log_sd"), [(0.15, 0.003), (0.1, 0.001), (0.25, 0.001), (0.1, 1.5)])
+def test_moments_of_narrow_and_wide_laws(median, log_sd):
+    mean, sd = ifrfit.LogNormal(median, log_sd).moments(0.0, math.inf)
+    assert mean == pytest.approx(median * math.exp(0.5 * log_sd**2), rel=1e-12)
+    assert sd == pytest.approx(mean * math.sqrt(math.expm1(log_sd**2)), rel=1e-9)
+    with pytest.raises(UsageError, match=r"nothing of it lies between 0\.5 and 0\.6"):
+        ifrfit.LogNormal(0.1, 0.001).moments(0.5, 0.6)
+
+
+def test_a_class_is_no_law():
+    with pytest.raises(UsageError, match="is not two numbers, mean and sd, nor a law"):
+        ifrfit.fit(TABLE, prior={"mu": ifrfit.LogNormal})

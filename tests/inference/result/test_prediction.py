@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import ifrfit
+from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.result.types import State
@@ -115,3 +116,16 @@ def test_more_friction_than_two_mu_is_told(impacts, bands):
 def test_sliding_by_coulomb_alone_never_exceeds_mu(impacts):
     found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), closure="fr", fix={"e_n": 0.94})
     assert found.predict([10.0, 89.9, 90.0], spin_y=[0.0, 50.0, 0.0]).attrs["warnings"] == ()
+
+
+def test_angles_beyond_the_wall_and_lengths_that_do_not_fit_are_refused():
+    fit = ifrfit.fit("cornell-glass")
+    for given, said in (
+        ({"gamma": [10.0, 120.0]}, "gamma 120: incidence angles lie between 0 and 90 degrees"),
+        ({"gamma": [-1.0]}, "gamma -1"),
+        ({"gamma": [2.0], "degrees": False}, "gamma 2: .* pi/2"),
+        ({"gamma": [10.0, 20.0], "spin_y": [0.1, 0.2, 0.3]}, "as long as one another"),
+        ({"gamma": "10:80:10"}, "give numbers"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            fit.predict(observable="beta_cm", **given)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import refused
 from streams import folder_of, impacts
 
 import ifrfit
@@ -69,7 +70,7 @@ def test_unknown_noise_and_series(tmp_path):
         assert abs(math.log(ours[name].stderr / estimate.stderr)) < 4.0 * ERROR
     for group, sigma in held.noise.sigma.items():
         assert streamed.noise.sigma[group] == pytest.approx(sigma, rel=0.01)  # means of draws
-    with pytest.raises(DataError, match="constants that some series share and others not"):
+    with refused(DataError, match="constants that some series share and others not"):
         ifrfit.fit(folder, separate=("mu",), **asked)
 
 
@@ -94,12 +95,12 @@ def test_what_is_not_drawn_is_refused(tmp_path, monkeypatch):
     ):
         ifrfit.fit(folder, method=ifrfit.Bootstrap(scheme="wild"))
     monkeypatch.setattr(grouped_cases, "_MOST_ROWS", 100)
-    with pytest.raises(DataError, match="leave open where sliding ends"):
+    with refused(DataError, match="leave open where sliding ends"):
         ifrfit.fit(folder, method="bootstrap")
     monkeypatch.undo()
     with monkeypatch.context() as elsewhere:
         elsewhere.setattr(grouped_cases, "_hull", lambda *given: (np.array([0]), np.array([5])))
-        with pytest.raises(DataError, match="lies where impacts were not kept one by one"):
+        with refused(DataError, match="lies where impacts were not kept one by one"):
             ifrfit.fit(folder, method="bootstrap")
-    with pytest.raises(DataError, match="too few to draw from"):
+    with refused(DataError, match="too few to draw from"):
         ifrfit.fit(folder_of(tmp_path / "few", impacts(4), 2, "parquet"), method="bootstrap")

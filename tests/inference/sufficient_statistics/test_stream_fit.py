@@ -216,7 +216,7 @@ def test_figure_and_report_of_a_sample_say_so(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"method": "mcmc"}, "exact, lsq or profile"),
+        ({"method": "mcmc"}, "exact, lsq, profile or bootstrap"),
         ({"noise": "scaled"}, "known or unknown"),
         ({"noise": ifrfit.Noise("known", tails="student-t")}, "in memory"),
         ({"exclude": ("7",)}, "in memory"),
@@ -312,3 +312,31 @@ def test_numbers_of_rows_that_pandas_leaves(tmp_path):
     table = impacts(1000)
     some = folder_of(tmp_path / "some", table[table["gamma_deg"] < 80.0], 2, "parquet")
     assert ifrfit.fit(some, method="lsq").fit.n == 2 * (table["gamma_deg"] < 80.0).sum()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.drop(columns="sigma_beta"), "there is no column sigma_beta, which other files have"),
+        (lambda t: t.drop(columns="spin_y"), "there is no column spin_y, which other files have"),
+        (lambda t: t.assign(beta_cm=0.1), "there is a column beta_cm, which other files do not have"),
+        (lambda t: t.drop(columns="e_n"), "there is no column e_n, which other files have"),
+    ],
+    ids=("sigma", "spin", "another observable", "an observable"),
+)
+def test_files_of_other_columns_are_refused(tmp_path, change, said):
+    table = impacts(2000)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    change(table).to_parquet(folder / "2.parquet")
+    with pytest.raises(DataError, match=rf"2\.parquet: {said}"):
+        ifrfit.fit(folder, method="lsq")
+
+
+def test_a_prior_of_another_law(tmp_path):
+    table = impacts(1500, columns=("beta",))
+    law = {"mu": ifrfit.LogNormal(0.15, 0.02)}
+    streamed, held = both(tmp_path, table, fix={"e_n": 0.9}, prior=law)
+    assert streamed.constants.mu.value == pytest.approx(
+        held.constants.mu.value, abs=0.1 * held.constants.mu.stderr
+    )
+    assert streamed.asked[2].shape == law["mu"]

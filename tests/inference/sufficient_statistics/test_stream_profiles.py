@@ -102,7 +102,7 @@ def test_the_page_shows_the_profiles(tmp_path):
     appraisal = ifrfit.inference.appraise.appraise(fit)
     assert list(appraisal.profiles) == list(fit.profiles)
     assert appraisal.without_profiles.endswith("were not held in memory: intervals are not compared.")
-    write_folder(fit, appraisal, tmp_path / "out")
+    write_folder(fit, appraisal, tmp_path / "out", force=False)
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert 'id="profiles"' in page
     assert "intervals are not compared" in page
