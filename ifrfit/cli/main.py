@@ -21,6 +21,7 @@ from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.fit import fit
 from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
+from ifrfit.cli.import_figure import import_figure
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
@@ -153,6 +154,7 @@ def reproduce(
 
 app.command()(simulate)
 app.command("cost", help=cost.__doc__)(_listed)
+app.command("import")(import_figure)
 
 
 def _version(requested: bool) -> None:

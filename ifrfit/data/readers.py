@@ -17,6 +17,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
+from ifrfit.data.figures.figure_table import cells_of_figure
 from ifrfit.data.observations import Observations, Source, combine, make_table
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
@@ -98,6 +99,9 @@ def read_table(path: Path, conventions: Conventions) -> Cells:
         As `ifrfit.data.tabular.read_cells`.
     """
     named = conventions.mentioned
+    figure = cells_of_figure(path, conventions)
+    if figure is not None:
+        return figure
     return read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
 
 
@@ -181,7 +185,8 @@ def _assemble(
         provenance=stated,
         headers=source_headers(layout),
     )
-    return Observations(make_table(columns), (source,), tuple(layout.notes), tuple(layout.momentum))
+    notes = (*cells.notes, *layout.notes)
+    return Observations(make_table(columns), (source,), notes, tuple(layout.momentum))
 
 
 def _as_text(name: str) -> str:

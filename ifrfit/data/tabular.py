@@ -9,12 +9,14 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
+from ifrfit.data.notes_in_text import notes_in
 from ifrfit.errors import DataError
 
 DELIMITERS = (",", ";", "\t")
@@ -55,9 +57,11 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
     else:
-        lines = _lines(decode(raw, file))
+        text = decode(raw, file)
         del raw  # of a long file only one form is kept at a time
-        cells = _parse(lines, file, sha256, is_header)
+        notes, lines = notes_in(text), _lines(text)
+        del text
+        cells = replace(_parse(lines, file, sha256, is_header), notes=notes)
     check_headers(cells)
     if not len(cells):
         raise DataError(f"{file}: there is a header, but no row under it. Add one impact a line.")
