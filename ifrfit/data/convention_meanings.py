@@ -126,6 +126,12 @@ MEANINGS: Mapping[str, Meaning] = {
         "every column must be understood",
         {"HEADER[,HEADER...]": "as they stand in the file"},
     ),
+    "sheet": Meaning(
+        "which sheet of a spreadsheet is read",
+        "sheet=impacts",
+        "the only one that holds anything",
+        {"NAME": "as its tab has it"},
+    ),
     "x": Meaning(
         "of a digitised figure (docs/how-to/digitise.md), what its x axis is",
         "x=gamma_deg",

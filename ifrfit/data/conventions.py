@@ -25,6 +25,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "column:NAME": ("HEADER",),
     "unit:HEADER": tuple(UNITS),
     "ignore": ("HEADER[,HEADER...]",),
+    "sheet": ("NAME",),
     "x": ("HEADER",),
     "y": ("HEADER",),
     "axes": ("NAME",),
@@ -77,6 +78,8 @@ class Conventions:
         Of the rows that do not state theirs; empty if the user said nothing.
     figure : FigureQuestion or None
         What the axes of a digitised figure are.
+    sheet : str or None
+        Which sheet of a spreadsheet is read.
     """
 
     angle_column: str | None = None
@@ -88,6 +91,7 @@ class Conventions:
     ignored: tuple[str, ...] = ()
     provenance: str = ""
     figure: FigureQuestion | None = None
+    sheet: str | None = None
 
     @property
     def headers(self) -> tuple[str, ...]:
@@ -157,8 +161,9 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         frame is turned half round about x, so y and z components of velocities and of right-handed spins
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
         relative to the other's and spins the sum of both spheres', which makes such a pair a wall
-        (docs/pairs.md); no number changes. Of a digitised figure ``x=gamma_deg``, ``y=beta``, ``axes=NAME``,
-        ``dataset=NAME``, ``series=NAME`` and ``pixels=1``; see `ifrfit.read_figure`.
+        (docs/pairs.md); no number changes. ``sheet=NAME`` of a spreadsheet. Of a digitised figure
+        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME`` and ``pixels=1``; see
+        `ifrfit.read_figure`.
 
     Raises
     ------
@@ -177,6 +182,7 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     units: dict[str, str] = {}
     ignored: list[str] = []
     figure: dict[str, list[str]] = {}
+    sheet: dict[str, str] = {}
     for name, choice in pairs:
         kind, _, of = name.partition(":")
         if name == "angle":
@@ -189,6 +195,8 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
             _update(units, {of: _unit(of, choice)}, name)
         elif name == "ignore":
             ignored.append(choice)
+        elif name == "sheet":
+            _update(sheet, {name: choice}, name)
         elif name in KEYS:
             figure.setdefault(name, []).append(choice)
         else:
@@ -204,6 +212,7 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         tuple(ignored),
         provenance,
         _figure(figure),
+        sheet.get("sheet"),
     )
 
 

@@ -47,11 +47,12 @@ def read(
     Parameters
     ----------
     data : str, Path, pandas.DataFrame, polars.DataFrame, Arrow table, or mapping of str to array_like
-        A CSV, TSV or Parquet file; or a table. Its rows are called as the index of a pandas frame does where
-        this holds different whole numbers, else from 0. A mapping of names to tables makes a series of each.
+        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table. Its rows are called as the index
+        of a pandas frame does where this holds different whole numbers, else from 0. A mapping of names to
+        tables makes a series of each.
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
         ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``pair``, ``column:NAME``, ``unit:HEADER``,
-        ``ignore``, ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
+        ``ignore``, ``provenance``, ``sheet``; see `ifrfit.data.conventions.parse_conventions`.
     inertia_factor : float
         J = I/(m R^2), used by the check of angular momentum of raw velocities.
 
@@ -102,7 +103,9 @@ def read_table(path: Path, conventions: Conventions) -> Cells:
     figure = cells_of_figure(path, conventions)
     if figure is not None:
         return figure
-    return read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
+    return read_cells(
+        path, lambda text: text.strip() in named or role_of(text).kind != "unknown", conventions.sheet
+    )
 
 
 def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4) -> Observations:
