@@ -46,6 +46,8 @@ def read_xml(raw: bytes, file: str, remedy: str) -> Element:
             if depth > _DEEPEST or count > _MOST_ELEMENTS:
                 what = f"is nested more than {_DEEPEST} deep" if depth > _DEEPEST else "has too many elements"
                 raise DataError(f"{file}: {what}, which no project does. {remedy}")
+    except DataError:
+        raise
     except DefusedXmlException:
         raise DataError(f"{file}: defines entities, which no project does. {remedy}") from None
     except ParseError as error:

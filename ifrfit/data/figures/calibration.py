@@ -49,8 +49,11 @@ class Scale:
         return math.log10(self.sign * value) if self.is_log else value
 
     def values(self, linear: FloatArray) -> FloatArray:
-        """The values again."""
-        return self.sign * 10.0**linear if self.is_log else linear
+        """The values again; infinite where a logarithm is that of no number."""
+        if not self.is_log:
+            return linear
+        with np.errstate(over="ignore"):
+            return self.sign * 10.0**linear
 
     def slope(self, linear: FloatArray) -> FloatArray:
         """Change of the value by that of what is linear in pixels."""

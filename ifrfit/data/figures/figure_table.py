@@ -186,7 +186,8 @@ def _sets(
     chosen = [there[name] for name in question.datasets] or list(there.values())
     filled = [each for each in chosen if len(each.points)]
     if not filled:
-        raise DataError(f"{file}: there is no point on the axes {show(axes.name)}. Read some off.")
+        on = f" on the axes {show(axes.name)}" if axes.name else ""
+        raise DataError(f"{file}: there is no point{on}. Read some off.")
     return filled
 
 

@@ -1,4 +1,4 @@
-"""What each importer reads of the files of its program: values by hand, whatever stale ones the file keeps."""
+"""What each importer reads of the files of its program: values by hand, whatever stale ones are kept."""
 
 from __future__ import annotations
 
@@ -188,7 +188,9 @@ def test_an_angle_just_outside_is_put_at_the_end(figure):
     points = (pixel(-0.3, 0.5), pixel(40.0, 0.5))
     found = figure(as_json(version_4(dataset_coll=[dataset(points=points)])), y="delta_deg")
     assert list(found.table["gamma_deg"]) == pytest.approx([0.0, 40.0])
-    assert any("1 angle lay outside 0 to 90 degrees by less than 4 standard errors" in note for note in found.notes)
+    assert any(
+        "1 angle lay outside 0 to 90 degrees by less than 4 standard errors" in note for note in found.notes
+    )
     with refused(DataError, "point 1, column gamma_deg: the incidence angle comes to -3 degrees"):
         figure(as_json(version_4(dataset_coll=[dataset(points=(pixel(-3.0, 0.5),))])))
 
@@ -260,7 +262,7 @@ def test_axes_must_be_an_angle_and_an_observable(figure):
 
 
 def test_errors_speak_python(figure):
-    with pytest.raises(UsageError, match='x="beta": is no incidence angle.*as x="gamma_deg"'):
+    with pytest.raises(UsageError, match=r'x="beta": is no incidence angle.*as x="gamma_deg"'):
         figure(FILES["version 4"], x="beta")
 
 
