@@ -16,6 +16,7 @@ from typer.main import get_command
 
 from ifrfit._version import __version__
 from ifrfit.cli.campaign import campaign
+from ifrfit.cli.check import check
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
@@ -155,6 +156,7 @@ def reproduce(
 app.command()(simulate)
 app.command("cost", help=cost.__doc__)(_listed)
 app.command("import")(import_figure)
+app.command()(check)
 
 
 def _version(requested: bool) -> None:

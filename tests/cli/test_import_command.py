@@ -55,7 +55,19 @@ def test_nothing_is_replaced_unasked_and_nothing_left_of_a_refusal(cli, project)
     assert [each.name for each in Path().iterdir()] == ["figure.json"]
 
 
-def test_fit_takes_a_project_with_the_same_words(cli, project):
-    said = cli("fit", project, "--convention", "x=gamma_deg", "--convention", "y=beta", "--fix", "e_n=0.9")
-    assert said.returncode == 0
+def test_fit_takes_a_project_with_the_same_options(cli, project):
+    said = cli("fit", project, "--x", "gamma_deg", "--y", "beta", "--pixels", "2", "--fix", "e_n=0.9")
+    assert said.returncode == 0, said.stderr
     assert "share the error of its calibration" in " ".join(said.stdout.split())
+    said = cli("fit", project)
+    assert said.returncode == 3
+    assert "figure.json: is a project of WebPlotDigitizer. Say what its axes are" in said.stderr
+
+
+def test_a_project_takes_the_place_of_a_stand_in(cli, project):
+    said = cli(
+        "datasets", "install", "cross-2019", project, "--convention", "x=gamma_deg", "--convention", "y=beta"
+    )
+    assert said.returncode == 0, said.stderr
+    assert "digitised" in cli("datasets", "show", "cross-2019").stdout
+    np.testing.assert_allclose(ifrfit.load_dataset("cross-2019").table["value"], VALUES[:, 1], rtol=1e-9)
