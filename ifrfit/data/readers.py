@@ -85,6 +85,9 @@ def read(
             f"A {type(data).__name__} is no table of impacts: give a path, a data frame, or a mapping of "
             "columns."
         )
+    if conventions.figure is not None or conventions.sheet is not None:
+        said = "sheet=..." if conventions.figure is None else "x=..."
+        raise UsageError(f"--convention {said}: is about a file, and a table was given. Leave it away.")
     tables = tables_of(data)
     return combine(
         [observe(cells_of_table(table, name), conventions, inertia_factor) for name, table in tables.items()]

@@ -55,6 +55,12 @@ def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
             )
         chosen = {name: book.get_sheet_by_name(name) for name in ([sheet] if sheet else names)}
         filled = {name: each for name, each in chosen.items() if each.height}
+        for name, each in filled.items():
+            if (each.total_height + 1) * (each.total_width + 1) > _MOST_CELLS:
+                raise DataError(
+                    f"{file}, sheet {show(name)}: reaches over {each.total_height:,} rows and "
+                    f"{each.total_width:,} columns. Delete what lies far off."
+                )
         if len(filled) > 1:
             raise DataError(
                 f"{file}: has the sheets {', '.join(map(show, filled))}. Say which, as --convention "

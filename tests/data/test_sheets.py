@@ -80,14 +80,27 @@ def test_damaged_and_hostile_spreadsheets(read):
         read(_with_far_cell(book))
 
 
+def test_rows_that_repeat_a_million_times_are_refused(read):
+    repeated = (
+        b'<table:table-row table:number-rows-repeated="400000"><table:table-cell '
+        b'table:number-columns-repeated="16" office:value-type="float" office:value="1"/></table:table-row>'
+    )
+    with refused(DataError, "sheet 'impacts': reaches over 400,00. rows and 1. columns"):
+        read(_with(ods({"impacts": ROWS}), b"</table:table>", repeated))
+
+
 _FAR = b'<row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
 
 
 def _with_far_cell(book):
+    return _with(book, b"</sheetData>", _FAR)
+
+
+def _with(book, before, more):
     held = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(book)) as old, zipfile.ZipFile(held, "w") as new:
         for each in old.namelist():
-            new.writestr(each, old.read(each).replace(b"</sheetData>", _FAR + b"</sheetData>"))
+            new.writestr(each, old.read(each).replace(before, more + before))
     return held.getvalue()
 
 

@@ -155,7 +155,9 @@ def _refuse_same_names(sets: list[PointSet], file: str) -> None:
 
 
 def _is_document(head: bytes) -> bool:
-    return head.startswith(_BEFORE_XML) or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    begins = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    named = any(f"<{root}".encode() in head for root in _ROOTS) or b"<!DOCTYPE engauge" in head
+    return head.startswith(_BEFORE_XML) or (begins and named)
 
 
 ENGAUGE = FileImporter("engauge", _TITLE, True, _is_document, read_document)

@@ -181,8 +181,12 @@ def _distinct(sets: list[PointSet], project: Located) -> tuple[PointSet, ...]:
     return tuple(sets)
 
 
+_FIRST_KEYS = (b'"wpd"', b'"version"', b'"axesColl"', b'"datasetColl"')
+
+
 def _is_project(head: bytes) -> bool:
-    return is_tar(head) or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+    begins = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
+    return is_tar(head) or (begins and any(key in head for key in _FIRST_KEYS))
 
 
 WEBPLOTDIGITIZER = FileImporter("webplotdigitizer", _TITLE, True, _is_project, read_project)

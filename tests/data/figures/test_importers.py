@@ -273,6 +273,9 @@ def test_a_project_is_read_wherever_a_table_is(tmp_path):
     np.testing.assert_allclose(values(ifrfit.read(path, convention=said)), VALUES, rtol=1e-12)
     with refused(DataError, "figure.json: is a project of WebPlotDigitizer. Say what its axes are"):
         ifrfit.read(path)
+    for about_a_file in ("x=gamma_deg", "sheet=1"):
+        with refused(UsageError, "is about a file, and a table was given"):
+            ifrfit.read({"gamma_deg": [10], "beta": [0.4]}, convention=about_a_file)
     fit = ifrfit.fit(path, convention=said, fix={"e_n": 0.9}, method="lsq", noise="scaled")
     assert any("share the error of its calibration" in each for each in fit.warnings)
 
