@@ -3,6 +3,7 @@ from .cost.measure import measure_costs as measure_costs
 from .data import Observations as Observations
 from .data import load_dataset as load_dataset
 from .data import read as read
+from .data import read_figure as read_figure
 from .errors import DataError as DataError
 from .errors import IfrfitError as IfrfitError
 from .errors import UsageError as UsageError

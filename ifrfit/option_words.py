@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 _WORD = r"'[^']*'|[^\s;()'\"]+"  # of a shell, quoted where need be
-_OPTION = re.compile(rf"--([a-z][a-z0-9-]*[a-z0-9])(?: (?!--)({_WORD}))?")
+_OPTION = re.compile(rf"--([a-z](?:[a-z0-9-]*[a-z0-9])?)(?: (?!--)({_WORD}))?")
 _COMMANDS = re.compile(r"('(?:ifrfit|dask|pip) [^']*')")  # to be typed as they stand
 _OBJECTS = re.compile(r"(\w+)\(([^()]*)\) \1\(([^()]*)\)")
 _VALUE = r'"[^"]*"|[\w.+-]*\w'

@@ -25,6 +25,7 @@ _HOMES = (
     "ifrfit.physics.closures",
     "ifrfit.physics.observables",
     "ifrfit.physics.effects.registry",
+    "ifrfit.data.figures.importers",
     "ifrfit.inference.model.error_law",
     "ifrfit.inference.estimators",
     "ifrfit.report.page.registries",

@@ -16,11 +16,13 @@ from typer.main import get_command
 
 from ifrfit._version import __version__
 from ifrfit.cli.campaign import campaign
+from ifrfit.cli.check import check
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.fit import fit
 from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
+from ifrfit.cli.import_figure import import_figure
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
@@ -153,6 +155,8 @@ def reproduce(
 
 app.command()(simulate)
 app.command("cost", help=cost.__doc__)(_listed)
+app.command("import")(import_figure)
+app.command()(check)
 
 
 def _version(requested: bool) -> None:

@@ -130,6 +130,15 @@ _ROWS = (
         choices=offered_conventions,
     ),
 )
+# of files that are no tables of impacts by themselves; each is a convention of that name
+_FILES = (
+    Option("Of a digitised figure, what its x axis is.", "text", "HEADER", "x"),
+    Option("Of a digitised figure, what its y axis is.", "text", "HEADER", "y"),
+    Option("Of a figure with several axes, which.", "text", "NAME", "axes", unset="those with points"),
+    Option("Of a digitised figure, which dataset.", "names", "NAME", "dataset", unset="all"),
+    Option("Of a digitised figure, the standard error of a click.", "number", "N", "pixels", unset="1"),
+    Option("Of a spreadsheet, which sheet.", "text", "NAME", "sheet", unset="the only one"),
+)
 _SCENE = Option(
     "What hit what, to see which effects that calls for.",
     "path",
@@ -143,6 +152,16 @@ _Seed = Annotated[
         metavar="N", help="Seed of the random draws behind the bands.", min=0, rich_help_panel=METHOD
     ),
 ]
+
+
+def figure_conventions(**given: Any) -> list[str]:
+    """Options of `_FILES`, by keyword, as the conventions that the library takes."""
+    return [
+        f"{key}={each}"
+        for key, value in given.items()
+        if value is not None
+        for each in (value if isinstance(value, list | tuple) else [value])
+    ]
 
 
 class SharedCommand:
@@ -182,7 +201,7 @@ class SharedCommand:
         from ifrfit.inference.options import Noise
 
         parts = [_keyword("data", Data, inspect.Parameter.empty)]
-        parts += (_parameter(each, DATA) for each in (*_ROWS, _SCENE))
+        parts += (_parameter(each, DATA) for each in (*_ROWS, *_FILES, _SCENE))
         parts += (_parameter(each, MODEL) for each in self._model().values())
         parts += (_parameter(each, NOISE) for each in options_of(Noise).values())
         if self._methods:
@@ -205,6 +224,8 @@ class SharedCommand:
             key: given.pop(key) for key in ("data", *(each.keyword for each in _ROWS), "scene", "seed")
         }
         question["observable"] = words(question["observable"])
+        of_file = figure_conventions(**{each.keyword: given.pop(each.keyword) for each in _FILES})
+        question["convention"] = [*question["convention"], *of_file]
         question["model"] = build(Model, values)
         question["noise"] = build(Noise, values)
         if self._methods:

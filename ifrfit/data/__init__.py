@@ -5,6 +5,7 @@ from __future__ import annotations
 from ifrfit.data.angular_momentum import MomentumCheck
 from ifrfit.data.catalogue import load_dataset, resolve
 from ifrfit.data.observations import Descriptor, Observations, Source, combine
+from ifrfit.data.read_figure import read_figure
 from ifrfit.data.readers import read
 from ifrfit.data.schema import template_text
 from ifrfit.data.selection import Selection, select
@@ -18,6 +19,7 @@ __all__ = [
     "combine",
     "load_dataset",
     "read",
+    "read_figure",
     "resolve",
     "select",
     "template_text",

@@ -81,7 +81,9 @@ class Cells:
     decimal_commas : bool
         Whether numbers may have decimal commas.
     word : str
-        ``line`` or ``row``.
+        ``line``, ``row`` or ``point``.
+    notes : tuple of str
+        Sentences about the file that go with every result.
     """
 
     file: str
@@ -92,6 +94,7 @@ class Cells:
     columns: Sequence[CellColumn | DataError]
     decimal_commas: bool = False
     word: str = "line"
+    notes: tuple[str, ...] = ()
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -126,6 +126,48 @@ MEANINGS: Mapping[str, Meaning] = {
         "every column must be understood",
         {"HEADER[,HEADER...]": "as they stand in the file"},
     ),
+    "sheet": Meaning(
+        "which sheet of a spreadsheet is read",
+        "sheet=impacts",
+        "the only one that holds anything",
+        {"NAME": "as its tab has it"},
+    ),
+    "x": Meaning(
+        "of a digitised figure (docs/how-to/digitise.md), what its x axis is",
+        "x=gamma_deg",
+        "the file is a table of impacts; the project of a digitiser is refused",
+        {"HEADER": "an angle of incidence as a table would call it, with its unit"},
+    ),
+    "y": Meaning(
+        "of a digitised figure, what its y axis is",
+        "y=beta",
+        "as for x: both are said, or none",
+        {"HEADER": "an observable as a table would call it, with its unit"},
+    ),
+    "axes": Meaning(
+        "of a digitised figure with several axes, which are meant",
+        "axes=XY",
+        "those that have points",
+        {"NAME": "as in the digitiser"},
+    ),
+    "dataset": Meaning(
+        "of a digitised figure, which points are meant; repeatable",
+        "dataset=glass",
+        "all on the axes",
+        {"NAME": "of the dataset or the curve, as in the digitiser"},
+    ),
+    "series": Meaning(
+        "of a digitised figure, the series that each dataset is, in their order; repeatable",
+        "series=glass",
+        "the names of the datasets",
+        {"NAME": "one for each dataset, or one for all"},
+    ),
+    "pixels": Meaning(
+        "of a digitised figure, by how many pixels a click is wrong: one standard error in each direction",
+        "pixels=0.5",
+        "1",
+        {"NUMBER": "of the picture that was clicked in"},
+    ),
 }
 
 # conventions with a choice that is a word, for shells that complete what is typed

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ifrfit.data.column_names import RAW, UNITS, close_names, named_role, unit_name
+from ifrfit.data.figures.question import KEYS, FigureQuestion, figure_question
 from ifrfit.data.schema import PROVENANCES, provenance_name
 from ifrfit.errors import UsageError
 from ifrfit.physics.observables import OBSERVABLES
@@ -24,6 +25,13 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "column:NAME": ("HEADER",),
     "unit:HEADER": tuple(UNITS),
     "ignore": ("HEADER[,HEADER...]",),
+    "sheet": ("NAME",),
+    "x": ("HEADER",),
+    "y": ("HEADER",),
+    "axes": ("NAME",),
+    "dataset": ("NAME",),
+    "series": ("NAME",),
+    "pixels": ("NUMBER",),
 }
 _MEANING = {
     ("beta", "contact"): ("beta", 1.0),
@@ -68,6 +76,10 @@ class Conventions:
         Headers to pass over, or lists of them separated by commas; the file tells which.
     provenance : str
         Of the rows that do not state theirs; empty if the user said nothing.
+    figure : FigureQuestion or None
+        What the axes of a digitised figure are.
+    sheet : str or None
+        Which sheet of a spreadsheet is read.
     """
 
     angle_column: str | None = None
@@ -78,6 +90,8 @@ class Conventions:
     units: Mapping[str, str] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
     provenance: str = ""
+    figure: FigureQuestion | None = None
+    sheet: str | None = None
 
     @property
     def headers(self) -> tuple[str, ...]:
@@ -147,7 +161,9 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         frame is turned half round about x, so y and z components of velocities and of right-handed spins
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
         relative to the other's and spins the sum of both spheres', which makes such a pair a wall
-        (docs/pairs.md); no number changes.
+        (docs/pairs.md); no number changes. ``sheet=NAME`` of a spreadsheet. Of a digitised figure
+        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME`` and ``pixels=1``; see
+        `ifrfit.read_figure`.
 
     Raises
     ------
@@ -165,6 +181,8 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
     ignored: list[str] = []
+    figure: dict[str, list[str]] = {}
+    sheet: dict[str, str] = {}
     for name, choice in pairs:
         kind, _, of = name.partition(":")
         if name == "angle":
@@ -177,6 +195,10 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
             _update(units, {of: _unit(of, choice)}, name)
         elif name == "ignore":
             ignored.append(choice)
+        elif name == "sheet":
+            _update(sheet, {name: choice}, name)
+        elif name in KEYS:
+            figure.setdefault(name, []).append(choice)
         else:
             raise UsageError(f"--convention {name}={choice}: unknown name. {_list_choices()}.")
     provenance = choices.pop("provenance", "")
@@ -189,6 +211,20 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         units,
         tuple(ignored),
         provenance,
+        _figure(figure),
+        sheet.get("sheet"),
+    )
+
+
+def _figure(given: Mapping[str, list[str]]) -> FigureQuestion | None:
+    once: dict[str, str | None] = {}
+    for key in ("x", "y", "axes", "pixels"):
+        texts = given.get(key, [])
+        if len(set(texts)) > 1:
+            raise UsageError(f"--convention {key}: both '{texts[0]}' and '{texts[1]}' are given. Keep one.")
+        once[key] = texts[0] if texts else None
+    return figure_question(
+        once["x"], once["y"], once["axes"], given.get("dataset", ()), given.get("series", ()), once["pixels"]
     )
 
 

@@ -17,6 +17,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
+from ifrfit.data.figures.figure_table import cells_of_figure
 from ifrfit.data.observations import Observations, Source, combine, make_table
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
@@ -46,11 +47,12 @@ def read(
     Parameters
     ----------
     data : str, Path, pandas.DataFrame, polars.DataFrame, Arrow table, or mapping of str to array_like
-        A CSV, TSV or Parquet file; or a table. Its rows are called as the index of a pandas frame does where
-        this holds different whole numbers, else from 0. A mapping of names to tables makes a series of each.
+        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table. Its rows are called as the index
+        of a pandas frame does where this holds different whole numbers, else from 0. A mapping of names to
+        tables makes a series of each.
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
         ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``pair``, ``column:NAME``, ``unit:HEADER``,
-        ``ignore``, ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
+        ``ignore``, ``provenance``, ``sheet``; see `ifrfit.data.conventions.parse_conventions`.
     inertia_factor : float
         J = I/(m R^2), used by the check of angular momentum of raw velocities.
 
@@ -83,6 +85,9 @@ def read(
             f"A {type(data).__name__} is no table of impacts: give a path, a data frame, or a mapping of "
             "columns."
         )
+    if conventions.figure is not None or conventions.sheet is not None:
+        said = "sheet=..." if conventions.figure is None else "x=..."
+        raise UsageError(f"--convention {said}: is about a file, and a table was given. Leave it away.")
     tables = tables_of(data)
     return combine(
         [observe(cells_of_table(table, name), conventions, inertia_factor) for name, table in tables.items()]
@@ -98,7 +103,12 @@ def read_table(path: Path, conventions: Conventions) -> Cells:
         As `ifrfit.data.tabular.read_cells`.
     """
     named = conventions.mentioned
-    return read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
+    figure = cells_of_figure(path, conventions)
+    if figure is not None:
+        return figure
+    return read_cells(
+        path, lambda text: text.strip() in named or role_of(text).kind != "unknown", conventions.sheet
+    )
 
 
 def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4) -> Observations:
@@ -181,7 +191,8 @@ def _assemble(
         provenance=stated,
         headers=source_headers(layout),
     )
-    return Observations(make_table(columns), (source,), tuple(layout.notes), tuple(layout.momentum))
+    notes = (*cells.notes, *layout.notes)
+    return Observations(make_table(columns), (source,), notes, tuple(layout.momentum))
 
 
 def _as_text(name: str) -> str:

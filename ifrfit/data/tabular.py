@@ -9,15 +9,20 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
-from ifrfit.errors import DataError
+from ifrfit.data.column_names import UNITS, parse_header, unit_name
+from ifrfit.data.notes_in_text import notes_in
+from ifrfit.data.sheets import DELIMITER, is_spreadsheet, lines_of_sheet
+from ifrfit.errors import DataError, UsageError
 
 DELIMITERS = (",", ";", "\t")
+BLANKS = " "  # however many stand between two cells
 LONGEST_CELL = (
     1000  # no label and no number needs more; the limit keeps a damaged file from being quoted at length
 )
@@ -34,30 +39,41 @@ _MAGIC = {
 }
 
 
-def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
-    """Read a CSV, TSV or Parquet file into cells.
+def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None = None) -> Cells:
+    """Read a text table, a spreadsheet or a Parquet file into cells.
 
     Parameters
     ----------
     path : Path
     is_header : callable
         Tells whether a cell reads like the name of a column; finds the header behind title lines.
+    sheet : str, optional
+        Of a spreadsheet.
 
     Raises
     ------
+    UsageError
+        A sheet is named that is not there, or of a file that has none.
     DataError
         The file is missing, empty, not a table, or its rows do not fit its header.
     """
     file = str(path)
     raw = read_bytes(path)
     sha256 = hashlib.sha256(raw).hexdigest()
-    if raw[:4] == b"PAR1":
+    if sheet is not None and not is_spreadsheet(raw):
+        raise UsageError(f"--convention sheet={sheet}: {file} is no spreadsheet. Leave it away.")
+    if is_spreadsheet(raw):
+        lines = _without_comments(lines_of_sheet(raw, file, sheet))
+        cells = replace(_parse(lines, file, sha256, is_header, (DELIMITER,)), word="row")
+    elif raw[:4] == b"PAR1":
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
     else:
-        lines = _lines(decode(raw, file))
+        text = decode(raw, file)
         del raw  # of a long file only one form is kept at a time
-        cells = _parse(lines, file, sha256, is_header)
+        notes, lines = notes_in(text), _lines(text)
+        del text
+        cells = replace(_parse(lines, file, sha256, is_header), notes=notes)
     check_headers(cells)
     if not len(cells):
         raise DataError(f"{file}: there is a header, but no row under it. Add one impact a line.")
@@ -100,11 +116,23 @@ def decode(raw: bytes, file: str) -> str:
 def _lines(text: str) -> list[str]:
     """Lines of a text, comments emptied."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    return ["" if line.lstrip().startswith("#") else line for line in lines] if "#" in text else lines
+    return _without_comments(lines) if "#" in text else lines
 
 
-def _parse(lines: list[str], file: str, sha256: str, is_header: Callable[[str], bool]) -> Cells:
-    start, delimiter = _find_header(lines, is_header, file)
+def _without_comments(lines: list[str]) -> list[str]:
+    return ["" if line.lstrip().startswith("#") else line for line in lines]
+
+
+def _parse(
+    lines: list[str],
+    file: str,
+    sha256: str,
+    is_header: Callable[[str], bool],
+    delimiters: Sequence[str] = (*DELIMITERS, BLANKS),
+) -> Cells:
+    start, delimiter = _find_header(lines, is_header, file, delimiters)
+    if delimiter == BLANKS:
+        lines = [*lines[:start], *(BLANKS.join(line.split()) for line in lines[start:])]
     _refuse_long_cells(lines, start, delimiter, file)
     commas = delimiter != "," and any("," in line for line in lines[start + 1 :])
     rows = _rows(lines, start, delimiter, file)
@@ -112,10 +140,11 @@ def _parse(lines: list[str], file: str, sha256: str, is_header: Callable[[str], 
     if not names:
         raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
     headers = [cell.strip() for cell in names]
+    rows, units = _units_row(rows)
     width = len(headers)
     while width and not headers[width - 1] and _is_blank(_rows(lines, start, delimiter, file), width - 1):
         width -= 1  # spreadsheets export empty columns to the right
-    headers = headers[:width]
+    headers = _with_units(headers[:width], units)
     columns = [TextColumn() for _ in headers]
     numbers = [np.empty(0, dtype=np.int64)]
     while block := list(itertools.islice(rows, _ROWS_AT_ONCE)):
@@ -149,6 +178,29 @@ def _rows(lines: list[str], start: int, delimiter: str, file: str) -> Iterator[t
         ) from None
 
 
+def _units_row(
+    rows: Iterator[tuple[int, list[str]]],
+) -> tuple[Iterator[tuple[int, list[str]]], list[str]]:
+    """Take off a row of units under the header, as spreadsheets have it: known units, and nothing else."""
+    first = next(rows, None)
+    if first is None:
+        return rows, []
+    cells = [cell.strip().strip("[]()").strip() for cell in first[1]]
+    units = [unit_name(cell) if cell else "" for cell in cells]
+    if all(unit in UNITS for unit in units if unit) and any(unit not in ("", "1") for unit in units):
+        return rows, [unit if cell else "" for unit, cell in zip(units, cells, strict=True)]
+    return itertools.chain([first], rows), []
+
+
+def _with_units(headers: list[str], units: list[str]) -> list[str]:
+    """Headers with the units that stand below them, where they state none of their own."""
+    padded = [*units, *("" for _ in headers)]
+    return [
+        f"{header} [{unit}]" if unit and unit != "1" and parse_header(header).unit is None else header
+        for header, unit in zip(headers, padded, strict=False)
+    ]
+
+
 def _is_blank(rows: Iterator[tuple[int, list[str]]], column: int) -> bool:
     """Whether a column holds nothing."""
     return all(len(row) <= column or not row[column].strip() for _, row in rows)
@@ -173,7 +225,9 @@ def _fit(row: list[str], headers: list[str], at: str, delimiter: str) -> list[st
     raise DataError(f"{at}, column {width + 1}: the line goes on, {number}. {hint}")
 
 
-def _find_header(lines: list[str], is_header: Callable[[str], bool], file: str) -> tuple[int, str]:
+def _find_header(
+    lines: list[str], is_header: Callable[[str], bool], file: str, delimiters: Sequence[str]
+) -> tuple[int, str]:
     """Return the index of the header and the delimiter: where most cells read like names of columns."""
     filled = [i for i, line in enumerate(lines) if line.strip(_BLANK)]
     if not filled:
@@ -182,7 +236,11 @@ def _find_header(lines: list[str], is_header: Callable[[str], bool], file: str) 
     for i in filled[:_HEADER_WITHIN]:
         if len(lines[i]) > _LONGEST_HEADER:
             continue
-        for delimiter in DELIMITERS:
+        for delimiter in delimiters:
+            if delimiter == BLANKS:
+                cells = lines[i].split()
+                if any(sign in lines[i] for sign in DELIMITERS) or not all(map(is_header, cells)):
+                    continue
             cells = next(
                 csv.reader(io.StringIO(lines[i]), delimiter=delimiter, skipinitialspace=delimiter != "\t")
             )
@@ -195,7 +253,7 @@ def _find_header(lines: list[str], is_header: Callable[[str], bool], file: str) 
         # One column alone: any delimiter but the comma, which may then be a decimal one.
         return best[2], best[3] if best[1] > 1 else ";"
     first = lines[filled[0]]
-    delimiter = max(DELIMITERS, key=first.count)
+    delimiter = max((each for each in delimiters if each != BLANKS), key=first.count)
     if any(NUMBER.fullmatch(cell.strip()) for cell in first.split(delimiter)):
         raise DataError(
             f"{file}, line {filled[0] + 1}: there is no header, the file begins with numbers. Put the names "
