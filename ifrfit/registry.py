@@ -27,6 +27,7 @@ _HOMES = (
     "ifrfit.physics.effects.registry",
     "ifrfit.inference.model.error_law",
     "ifrfit.inference.estimators",
+    "ifrfit.exporters.registry",
     "ifrfit.report.page.registries",
 )
 

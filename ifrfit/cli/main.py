@@ -19,6 +19,7 @@ from ifrfit.cli.campaign import campaign
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
+from ifrfit.cli.export import export
 from ifrfit.cli.fit import fit
 from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
@@ -108,6 +109,7 @@ def predict(
 
 
 app.command()(command(report))
+app.command()(export)
 
 
 @app.command()
