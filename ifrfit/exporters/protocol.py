@@ -94,6 +94,9 @@ class Comments:
 HASH = Comments("# ")
 IN_C = Comments(" * ", "/*", " */")
 NONE = Comments("")
+SLASHES = Comments("// ")
+IN_XML = Comments("  ", "<!--", "-->")
+EXCLAMATION = Comments("! ")
 
 
 @runtime_checkable

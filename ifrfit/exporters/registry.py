@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from ifrfit.exporters import c_function, csv_table, json_record, python_function
+from ifrfit.exporters import (
+    c_function,
+    csv_table,
+    dynamo,
+    json_record,
+    lammps,
+    liggghts,
+    mercurydpm,
+    mfix,
+    mujoco,
+    openfoam,
+    python_function,
+    yade,
+)
 from ifrfit.exporters.protocol import Exporter
 from ifrfit.registry import Registry
 
@@ -14,5 +27,13 @@ EXPORTERS: Registry[Exporter] = Registry(
         c_function.EXPORTER,
         json_record.EXPORTER,
         csv_table.EXPORTER,
+        lammps.EXPORTER,
+        liggghts.EXPORTER,
+        yade.EXPORTER,
+        mercurydpm.EXPORTER,
+        mfix.EXPORTER,
+        dynamo.EXPORTER,
+        openfoam.EXPORTER,
+        mujoco.EXPORTER,
     ),
 )
