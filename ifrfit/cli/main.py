@@ -22,6 +22,7 @@ from ifrfit.cli.datasets import datasets
 from ifrfit.cli.export import export
 from ifrfit.cli.fit import fit
 from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
+from ifrfit.cli.materials import materials
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
@@ -70,6 +71,7 @@ app = typer.Typer(
     context_settings=WIDEST,
 )
 app.add_typer(datasets, name="datasets")
+app.add_typer(materials, name="materials")
 
 app.command("fit", help=fit.__doc__)(_listed)
 app.command("compare", help=compare.__doc__)(_listed)

@@ -91,7 +91,7 @@ def exported_constants(
         to no constant, or to one that is determined.
     """
     closure = get_closure(result.closure)
-    named = dict(fix or {})
+    named = {name: _number(name, value) for name, value in (fix or {}).items()}
     found = by_entry(result.constants)
     values: dict[str, float] = {}
     for name in closure.constants:
@@ -103,7 +103,7 @@ def exported_constants(
                     f"--fix {name}={named[name]:g}: the fit has {name} = {value:g} ({found[entry].status}). "
                     "An export does not replace what data determine: fit again with it, or leave it out."
                 )
-            value = _number(name, named.pop(name))
+            value = named.pop(name)
         if value is None:
             low, high = found[entry].interval95
             raise UsageError(
@@ -131,7 +131,7 @@ def _series(found: Mapping[str, object], name: str, series: str | None) -> str:
     raise UsageError(f"{asked}{name} is separate by series: name one with --series, of {joined(labels)}.")
 
 
-def _number(name: str, value: float) -> float:
+def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
         raise UsageError(f"--fix {name}: {value!r} is not a number.")
     if name == "e_n" and not 0.0 <= value <= 1.0:

@@ -43,7 +43,7 @@ class SpringDashpot:
         Whether the normal force never attracts.
     """
 
-    exponent: Literal[1.0, 1.5]
+    exponent: float
     c_n: float
     k_t: float
     c_t: float

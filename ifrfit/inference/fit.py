@@ -92,7 +92,7 @@ def fit(
         mcmc, bootstrap: called with the steps or replicates done, and the most that there may be.
     command : str
         The command line, for the record.
-    closure, fix, prior, bounds, separate, inertia_factor
+    closure, fix, prior, prior_from, bounds, separate, inertia_factor
         Fields of `Model`.
     params : lmfit.Parameters
         Fixed values and bounds in lmfit's form.
@@ -256,7 +256,8 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
-    assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+    solid = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+    assumed = (*model.published_words(), *solid)
 
     def of_sample(observations: Observations) -> FitResult:
         # its rows are those of the selection already, but for the columns that are not used
@@ -346,7 +347,10 @@ def make_question(
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
     conditions = setting_of(observations, inertia_factor, scene)
-    assumed = _assumed(observations, inertia_factor, given=stated is not None)
+    assumed = (
+        *model.published_words(),
+        *_assumed(observations, inertia_factor, given=stated is not None),
+    )
     # noises of its own: as said, or with constants of its own
     return Question(observations, inertia_factor, noise, conditions, bool(model.separate), assumed)
 
