@@ -176,8 +176,8 @@ class Model(Options):
         taken = {name: both for name, both in pair.values.items() if name not in (*self.fix, *self.prior)}
         words = ", ".join(f"{name} {value:g} +- {error:g}" for name, (value, error) in taken.items())
         return (
-            f"priors published for {pair.name} ({pair.geometry}, {pair.source}), where the closure has the "
-            f"constant: {words}; data of the same experiment would count twice",
+            f"priors published for {pair.name} ({pair.geometry}, {pair.source}) of the constants that the "
+            f"closure has ({words}; data of the same experiment would count twice)",
         )
 
     def with_closure(self, closure: Closure) -> Model:
