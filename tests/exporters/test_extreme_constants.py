@@ -32,8 +32,7 @@ def test_finite_numbers_or_a_refusal(target, closure, values):
     constants = ExportedConstants(get_closure(closure), 0.4, values)
     try:
         found = EXPORTERS[target].translate(constants, at)
-    except ifrfit.UsageError as error:
-        assert error.in_shell.endswith(".")
+    except ifrfit.UsageError:
         return
     said = "\n".join((*found.lines, *found.mapping, residual_words(constants, found)))
     assert re.findall(r"(?<![a-z])(?:nan|inf)(?![a-z])", said) == []
