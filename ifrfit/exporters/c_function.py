@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, fitted_response, impulse_terms
+from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, evaluated, impulse_terms
 from ifrfit.exporters.protocol import IN_C, Comments, Conditions, Translation
 
 _TEXT = """
@@ -54,7 +54,7 @@ class CFunction:
             law=LAW_WORDS,
             mapping=[f"a, b and kappa = mu (1 + e_n) follow from the constants; {WALL_WORDS}."],
             holds=EVERYWHERE,
-            response=lambda incidence: fitted_response(constants, incidence),
+            response=lambda incidence: evaluated(constants, terms, incidence),
         )
 
 

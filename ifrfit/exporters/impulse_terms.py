@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ifrfit.errors import UsageError
 from ifrfit.exporters.exported_constants import ExportedConstants
 from ifrfit.exporters.protocol import Response
@@ -38,10 +40,13 @@ def impulse_terms(constants: ExportedConstants, target: str) -> ImpulseTerms:
     return ImpulseTerms(law.a0 + law.a1 * own, law.b0 + law.b1 * own, constants.mu * (1.0 + constants.e_n))
 
 
-def fitted_response(constants: ExportedConstants, incidence: Incidence) -> Response:
-    """Of a target that follows the closure itself."""
-    state = constants.rebound(incidence)
-    return Response(state.v_n, state.v_x, state.beta)
+def evaluated(constants: ExportedConstants, terms: ImpulseTerms, incidence: Incidence) -> Response:
+    """Rebounds without spin by the arithmetic of the exported functions, from the exported numbers alone."""
+    slip = np.abs(incidence.sine)
+    k = terms.a + np.minimum(terms.b, terms.kappa * incidence.cosine / slip)
+    push = k * incidence.sine
+    v_x, spin_y = incidence.sine - push, -push / constants.inertia_factor
+    return Response(constants.e_n * incidence.cosine, v_x, -(v_x + spin_y) / incidence.sine)
 
 
 WALL_WORDS = (

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, impulse_terms
-from ifrfit.exporters.protocol import HASH, Comments, Conditions, Response, Translation
-from ifrfit.physics.angles import Incidence
+from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, evaluated, impulse_terms
+from ifrfit.exporters.protocol import HASH, Comments, Conditions, Translation
 
 _TEXT = '''import math
 
@@ -43,31 +41,13 @@ class PythonFunction:
             e_n=constants.e_n, a=terms.a, b=terms.b, kappa=terms.kappa, j=constants.inertia_factor
         )
 
-        def response(incidence: Incidence) -> Response:
-            import numpy as np
-
-            rows = zip(incidence.sine, incidence.cosine, strict=True)
-            found = np.array([_rebound(constants, (terms.a, terms.b, terms.kappa), s, c) for s, c in rows])
-            return Response(found[:, 1], found[:, 0], found[:, 2])
-
         return Translation(
             lines=["", *text.rstrip("\n").split("\n")],
             law=LAW_WORDS,
             mapping=[f"a, b and kappa = mu (1 + e_n) follow from the constants; {WALL_WORDS}."],
             holds=EVERYWHERE,
-            response=response,
+            response=lambda incidence: evaluated(constants, terms, incidence),
         )
-
-
-def _rebound(
-    constants: ExportedConstants, terms: tuple[float, float, float], u_x: float, u_n: float
-) -> tuple[float, float, float]:
-    """v_x, v_n and beta by the arithmetic of the exported text, without spin."""
-    a, b, kappa = terms
-    slip = math.hypot(u_x, 0.0)
-    k = a + (b if slip == 0.0 else min(b, kappa * u_n / slip))
-    v_x, spin_y = u_x - k * u_x, 0.0 - k * u_x / constants.inertia_factor
-    return v_x, constants.e_n * u_n, -(v_x + spin_y) / u_x if u_x else math.nan
 
 
 EXPORTER = PythonFunction()
