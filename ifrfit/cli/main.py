@@ -20,9 +20,11 @@ from ifrfit.cli.check import check
 from ifrfit.cli.compare import compare
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
+from ifrfit.cli.export import export
 from ifrfit.cli.fit import fit
 from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
 from ifrfit.cli.import_figure import import_figure
+from ifrfit.cli.materials import materials
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
@@ -71,6 +73,7 @@ app = typer.Typer(
     context_settings=WIDEST,
 )
 app.add_typer(datasets, name="datasets")
+app.add_typer(materials, name="materials")
 
 app.command("fit", help=fit.__doc__)(_listed)
 app.command("compare", help=compare.__doc__)(_listed)
@@ -110,6 +113,7 @@ def predict(
 
 
 app.command()(command(report))
+app.command()(export)
 
 
 @app.command()

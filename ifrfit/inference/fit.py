@@ -94,7 +94,7 @@ def fit(
         a bar under the cell where that takes more than two seconds.
     command : str
         The command line, for the record.
-    closure, fix, prior, bounds, separate, inertia_factor
+    closure, fix, prior, prior_from, bounds, separate, inertia_factor
         Fields of `Model`.
     params : lmfit.Parameters
         Fixed values and bounds in lmfit's form.
@@ -260,7 +260,8 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
-    assumed = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+    solid = (f"inertia factor {inertia:g} (solid sphere)",) if model.inertia_factor is None else ()
+    assumed = (*model.published_words(), *solid)
 
     parameters = tuple(model.parameters(inertia))
     # least squares, which facts on single rows take, know the normal law in the place of another
@@ -359,7 +360,10 @@ def make_question(
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
     conditions = setting_of(observations, inertia_factor, scene)
-    assumed = _assumed(observations, inertia_factor, given=stated is not None)
+    assumed = (
+        *model.published_words(),
+        *_assumed(observations, inertia_factor, given=stated is not None),
+    )
     # noises of its own: as said, or with constants of its own
     return Question(observations, inertia_factor, noise, conditions, bool(model.separate), assumed)
 

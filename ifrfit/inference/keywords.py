@@ -39,6 +39,7 @@ class ConstantKeywords(TypedDict, total=False):
 
     fix: Mapping[str, float] | None
     prior: Mapping[str, Range | PriorLaw] | None
+    prior_from: str | None
     bounds: Mapping[str, Range] | None
     separate: str | Collection[str]
     inertia_factor: float | None

@@ -35,6 +35,12 @@ def _constants() -> Iterable[str]:
     return dict.fromkeys(name for closure in CLOSURES.values() for name in closure.constants)
 
 
+def _pairs() -> Iterable[str]:
+    from ifrfit.data.materials import all_pairs
+
+    return dict.fromkeys(each.name for each in all_pairs())
+
+
 def _separable() -> Iterable[str]:
     return (*_constants(), NOISE)
 
@@ -58,6 +64,9 @@ class Model(Options):
     prior : mapping of str to (float, float) or a law
         Constant to mean and standard deviation of an earlier measurement; or `Normal`, `TruncatedNormal`,
         `HalfNormal`, `Uniform`, `LogNormal`, `Beta`.
+    prior_from : str or None
+        A pair of materials, "BODY/OTHER", whose published constants are priors, but for those that `fix` or
+        `prior` name.
     bounds : mapping of str to (float, float)
         Constant to lower and upper bound, in the place of the passive domain.
     separate : str or collection of str
@@ -87,6 +96,9 @@ class Model(Options):
     )
     prior: Mapping[str, Range | PriorLaw] = option(
         {}, "A constant that you measured before.", form="priors", metavar="NAME=MEAN,SD", choices=_constants
+    )
+    prior_from: str | None = option(
+        None, "Priors published for a pair of materials.", metavar="BODY/OTHER", choices=_pairs
     )
     bounds: Mapping[str, Range] = option(
         {},
@@ -141,9 +153,32 @@ class Model(Options):
             get_closure(self.closure),
             inertia_factor,
             fix=self.fix,
-            prior=self.prior,
+            prior=self._published(get_closure(self.closure).constants) | dict(self.prior),
             bounds=self.bounds,
             separate=tuple(name for name in self.separate if name != NOISE),
+        )
+
+    def _published(self, constants: Collection[str]) -> dict[str, Range]:
+        """Priors of `prior_from` for these constants, but for those that the user says more of."""
+        if self.prior_from is None:
+            return {}
+        from ifrfit.data.materials import CONSTANTS, find_pair, prior_values
+
+        said = (*self.fix, *self.prior, *(name for name in CONSTANTS if name not in constants))
+        return dict(prior_values(find_pair(self.prior_from), said))
+
+    def published_words(self) -> tuple[str, ...]:
+        """Where published priors come from, as a result names it; empty without them."""
+        if self.prior_from is None:
+            return ()
+        from ifrfit.data.materials import find_pair
+
+        pair = find_pair(self.prior_from)
+        taken = {name: both for name, both in pair.values.items() if name not in (*self.fix, *self.prior)}
+        words = ", ".join(f"{name} {value:g} +- {error:g}" for name, (value, error) in taken.items())
+        return (
+            f"priors published for {pair.name} ({pair.geometry}, {pair.source}) of the constants that the "
+            f"closure has ({words}; data of the same experiment would count twice)",
         )
 
     def with_closure(self, closure: Closure) -> Model:

@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from extensions.closure import GRIP
 from extensions.effect import Brake
 from extensions.error_law import Logistic
+from extensions.exporter import ARCADE
 from extensions.format import FORMAT
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
@@ -25,7 +26,7 @@ from ifrfit.registry import registered
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
     with registered(
-        GRIP, BEND, LOCK, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT
+        GRIP, BEND, LOCK, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT, ARCADE
     ):
         yield
 

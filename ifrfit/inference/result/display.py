@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_HIDDEN = ("drawn_by", "appraised_by", "compared_by")
+_HIDDEN = ("drawn_by", "appraised_by", "compared_by", "exported_by")
 
 
 class Renderer(Protocol):
@@ -35,12 +35,14 @@ class Display:
 
     What a report shows beyond the result itself is worked out by the module that `appraised_by` names, by its
     function ``appraise``; and other closures for the same data by that of `compared_by`, by
-    ``compare_result``. Empty where there is nothing beyond it.
+    ``compare_result``; its constants leave by that of `exported_by`, by ``export``. Empty where
+    there is nothing beyond it.
     """
 
     drawn_by: ClassVar[str]
     appraised_by: ClassVar[str] = ""
     compared_by: ClassVar[str] = ""
+    exported_by: ClassVar[str] = ""
 
     def summary(self) -> str:
         """The result as text for a terminal, at most 100 columns."""
@@ -76,3 +78,6 @@ class Display:
 
     def _comparison(self) -> Any:
         return import_module(self.compared_by).compare_result(self)
+
+    def _export(self, target: str, **choices: Any) -> str:
+        return str(import_module(self.exported_by).export(self, target, **choices))

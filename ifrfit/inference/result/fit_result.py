@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
@@ -75,6 +75,7 @@ class FitResult(Findings, Display):
     drawn_by: ClassVar[str] = "ifrfit.report"
     appraised_by: ClassVar[str] = "ifrfit.inference.appraise"
     compared_by: ClassVar[str] = "ifrfit.inference.comparison.compare"
+    exported_by: ClassVar[str] = "ifrfit.exporters.export"
 
     def _headline(self) -> str:
         constants = ", ".join(f"{name} {found:.2uS}" for name, found in by_entry(self.constants).items())
@@ -231,6 +232,55 @@ class FitResult(Findings, Display):
     def save(self, path: str | Path) -> None:
         """Write result.json; it appears whole or not at all."""
         write_json(self.to_dict(), Path(path))
+
+    def export(
+        self,
+        target: str,
+        *,
+        draws: int = 0,
+        angle: float | None = None,
+        speed: float | None = None,
+        series: str | None = None,
+        fix: Mapping[str, float] | None = None,
+        seed: int = 0,
+    ) -> str:
+        """Write the constants as a simulator takes them, with a block of comments on what is lost.
+
+        Parameters
+        ----------
+        target : str
+            ``lammps``, ``mujoco``, ``python``, ...: see docs/how-to/export.md.
+        draws : int
+            How many posterior draws to append as a table.
+        angle : float, optional
+            Incidence angle in degrees at which openfoam and dynamo match.
+        speed : float, optional
+            Normal speed of approach in m/s at which mujoco and pybullet are run.
+        series : str, optional
+            Whose constants, where they are separate.
+        fix : mapping of str to float, optional
+            Your values of constants that the data do not determine.
+        seed : int
+            Of the draws.
+
+        Returns
+        -------
+        str
+            Text of the file.
+
+        Raises
+        ------
+        UsageError
+            For a constant that is not determined, and for what the target would stop at.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> text = ifrfit.fit("cornell-glass").export("python")
+        >>> print(text.splitlines()[0][:20])
+        # Exported by ifrfit
+        """
+        return self._export(target, draws=draws, angle=angle, speed=speed, series=series, fix=fix, seed=seed)
 
     def summary(self, style: str = "text") -> str:
         """Table of the findings as "text", "markdown" or "latex"."""

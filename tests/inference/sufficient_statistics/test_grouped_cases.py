@@ -90,9 +90,7 @@ def test_the_answer_is_that_of_any_parting_and_any_workers(tmp_path, monkeypatch
 
 def test_what_is_not_drawn_is_refused(tmp_path, monkeypatch):
     folder = folder_of(tmp_path / "all", impacts(1000), 2, "parquet")
-    with pytest.raises(
-        UsageError, match="--resample wild: data that are not held in memory are drawn by cases"
-    ):
+    with refused(UsageError, match="--resample wild: data that are not held in memory are drawn by cases"):
         ifrfit.fit(folder, method=ifrfit.Bootstrap(scheme="wild"))
     monkeypatch.setattr(grouped_cases, "_MOST_ROWS", 100)
     with refused(DataError, match="leave open where sliding ends"):

@@ -1,0 +1,1 @@
+"""Constants out: what the contact model of a simulator takes, in its own syntax."""

@@ -1,0 +1,57 @@
+"""The impulse of a bilinear closure as three numbers, for programs that evaluate it themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.exporters.exported_constants import ExportedConstants
+from ifrfit.exporters.protocol import Response
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.impulse_laws import Coefficients
+
+
+@dataclass(frozen=True)
+class ImpulseTerms:
+    """k = a + min(b, kappa U_n/|U_t|)."""
+
+    a: float
+    b: float
+    kappa: float
+
+
+def impulse_terms(constants: ExportedConstants, target: str) -> ImpulseTerms:
+    """The three numbers of a closure.
+
+    Raises
+    ------
+    UsageError
+        For a closure whose law is not bilinear.
+    """
+    law = constants.closure.law(constants.inertia_factor)
+    if not isinstance(law, Coefficients):
+        raise UsageError(
+            f"The law of closure {constants.closure.title} is no formula of a line, and target "
+            f"{target} writes such formulas only: take --to json for the constants, or fit closure fr or ifr."
+        )
+    own = constants.own
+    return ImpulseTerms(law.a0 + law.a1 * own, law.b0 + law.b1 * own, constants.mu * (1.0 + constants.e_n))
+
+
+def evaluated(constants: ExportedConstants, terms: ImpulseTerms, incidence: Incidence) -> Response:
+    """Rebounds without spin by the arithmetic of the exported functions, from the exported numbers alone."""
+    slip = np.abs(incidence.sine)
+    k = terms.a + np.minimum(terms.b, terms.kappa * incidence.cosine / slip)
+    push = k * incidence.sine
+    v_x, spin_y = incidence.sine - push, -push / constants.inertia_factor
+    return Response(constants.e_n * incidence.cosine, v_x, -(v_x + spin_y) / incidence.sine)
+
+
+WALL_WORDS = (
+    "velocities in any unit, spins as R omega in the same; u_n > 0 is the approach, x and y lie in the wall, "
+    "positive spin_y is back-spin to a motion along x, spin_x is minus the right-handed one"
+)
+LAW_WORDS = "that of the closure, k = a + min(b, kappa U_n/|U_t|); the tangential impulse per mass is -k U_t."
+EVERYWHERE = "at all angles, spins and speeds; outside those of the data it is an extrapolation."

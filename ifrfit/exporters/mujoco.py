@@ -1,0 +1,175 @@
+"""Target mujoco: ``solref``, ``solimp`` and ``friction`` of a contact pair, found by running MuJoCo.
+
+MuJoCo has no restitution: a contact is a spring and a dashpot, ``solref = (-stiffness, -damping)``, and what
+comes back depends on the time step too. So the stiffness makes a contact of a hundred time steps, and the
+damping is searched until the rebound at the asked speed is the fitted one, over the phases of a time step at
+which a contact may begin. Friction would be damped as weakly as the normal, so the pair has a
+``solreffriction`` of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.exporters.exported_constants import Array, ExportedConstants
+from ifrfit.exporters.protocol import IN_XML, Comments, Conditions, Response, Translation
+from ifrfit.exporters.soft_sphere import only_solid_sphere
+from ifrfit.physics.angles import Incidence
+
+TIME_STEP = 5e-5  # s
+_STEPS_OF_CONTACT = 100
+PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of a time step at which a contact may begin
+# of the friction, per time step: more stops the slip sooner and takes more of the normal velocity with it
+_SLIP_DAMPING = 0.05
+_RADIUS = 0.05  # m
+_LEAST = 1e-6  # of critical damping
+CLOSE = 0.01  # relative, of e_n
+ANGLES = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+
+_MODEL = """<mujoco>
+  <option timestep="{step:g}" gravity="0 0 0" cone="elliptic" impratio="10" integrator="implicitfast"/>
+  <worldbody>
+    <geom name="wall" type="plane" size="1 1 1"/>
+    <body name="sphere"><freejoint/><geom name="sphere" type="sphere" size="{radius:g}" mass="1"/></body>
+  </worldbody>
+  <contact><pair geom1="wall" geom2="sphere" {contact}/></contact>
+</mujoco>"""
+
+
+@dataclass(frozen=True)
+class MuJoCo:
+    """A geom pair, at one speed."""
+
+    name: str = "mujoco"
+    title: str = "MuJoCo"
+    comments: Comments = IN_XML
+    takes: frozenset[str] = frozenset({"speed"})
+
+    def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
+        """Damping by simulation; friction as it is."""
+        only_solid_sphere(constants, self.title)
+        if at.speed is None:
+            raise UsageError(
+                "MuJoCo's rebound depends on the speed, and its parameters are found at one: name the normal "
+                "speed of approach with --speed M_S."
+            )
+        engine = _engine()
+        stiffness = (math.pi / (_STEPS_OF_CONTACT * TIME_STEP)) ** 2
+        damping, backs = _damping(engine, constants, stiffness, at.speed)
+        contact = _contact(stiffness, damping, constants.mu)
+        off = np.max(np.abs(backs - constants.e_n)) / constants.e_n if constants.e_n > 0.0 else math.inf
+        verdict = "within 1 %" if off <= CLOSE else "NOT within 1 %: take what came back"
+        speed = at.speed
+
+        def response(incidence: Incidence) -> Response:
+            rows = [
+                shoot(engine, contact, speed * float(s / c), speed)
+                for s, c in zip(incidence.sine, incidence.cosine, strict=True)
+            ]
+            v_x, v_n, slip = np.array(rows).T * incidence.cosine / speed
+            return Response(v_n, v_x, -slip / incidence.slip_x)
+
+        return Translation(
+            lines=[
+                f'<!-- within option: timestep="{TIME_STEP:g}" cone="elliptic" impratio="10"'
+                ' integrator="implicitfast" -->',
+                "<contact>",
+                f'  <pair geom1="wall" geom2="sphere" {contact}/>',
+                "</contact>",
+            ],
+            law="a spring and a dashpot along the normal, regularised Coulomb friction along the wall; no "
+            "restitution and no tangential restitution of its own.",
+            mapping=[
+                f"solref: asked was e_n = {constants.e_n:.6g} at {speed:g} m/s, {backs.min():.5g} to "
+                f"{backs.max():.5g} came back, as the contact begins within a time step: {verdict}.",
+                f"friction = mu; there is no place for {constants.closure.constant or 'beta'}: contacts that "
+                "stick stop the contact point, or nearly.",
+                "geom1 and geom2 are yours to name; solreffriction stops the slip within the contact, where "
+                "friction can, and takes some of the normal velocity with it in oblique impacts.",
+            ],
+            holds=f"at the time step {TIME_STEP:g} s and the normal speed {speed:g} m/s, of a sphere of any "
+            "mass without gravity; angles as the residual says.",
+            response=response,
+            how="run",
+            ran=f"MuJoCo {engine.__version__}",
+            angles=ANGLES,
+        )
+
+
+def _engine() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise UsageError(
+            "Target mujoco is found by running MuJoCo, which is not installed: 'pip install mujoco' installs "
+            "it."
+        ) from None
+    return mujoco
+
+
+def _contact(stiffness: float, damping: float, mu: float) -> str:
+    return (
+        f'condim="3" solref="{-stiffness:.10g} {-damping:.10g}" solreffriction="{-stiffness:.10g} '
+        f'{-_SLIP_DAMPING / TIME_STEP:.10g}" solimp="0.99 0.99 0.001 0.5 2" '
+        f'friction="{max(mu, 1e-5):.10g} {max(mu, 1e-5):.10g} 0 0 0"'
+    )
+
+
+def shoot(
+    engine: Any, contact: str, along: float, down: float, phase: float = 0.5
+) -> tuple[float, float, float]:
+    """Shoot one sphere at the wall: velocity along it, away from it, and slip of the contact after, m/s.
+
+    Parameters
+    ----------
+    engine : module
+        MuJoCo.
+    contact : str
+        Attributes of the geoms.
+    along, down : float
+        Velocity of the centre before, m/s; without spin.
+    phase : float
+        Share of a time step until the contact begins.
+    """
+    text = _MODEL.format(step=TIME_STEP, contact=contact, radius=_RADIUS)
+    model = engine.MjModel.from_xml_string(text)
+    data = engine.MjData(model)
+    data.qpos[2] = _RADIUS + phase * down * TIME_STEP
+    data.qvel[:3] = along, 0.0, -down
+    for _ in range(50 * _STEPS_OF_CONTACT):
+        engine.mj_step(model, data)
+        if data.qpos[2] > _RADIUS and data.qvel[2] > 0.0:
+            break
+    # of the freejoint's velocities the last three are the spin, in the frame of the body
+    spin = np.zeros(3)
+    engine.mju_rotVecQuat(spin, data.qvel[3:6], data.qpos[3:7])
+    return float(data.qvel[0]), float(data.qvel[2]), float(data.qvel[0] - _RADIUS * spin[1])
+
+
+def _damping(
+    engine: Any, constants: ExportedConstants, stiffness: float, speed: float
+) -> tuple[float, Array]:
+    """Damping whose mean rebound over the phases comes closest, and these rebounds."""
+    critical = 2.0 * math.sqrt(stiffness)
+
+    def back(share: float) -> Array:
+        contact = _contact(stiffness, share * critical, constants.mu)
+        return np.array([shoot(engine, contact, 0.0, speed, phase)[1] for phase in PHASES]) / speed
+
+    low, high = _LEAST, 1.5  # MuJoCo takes no damping of 0 in this form of solref
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        if back(middle).mean() > constants.e_n:
+            low = middle
+        else:
+            high = middle
+    share = min((low, high), key=lambda x: abs(back(x).mean() - constants.e_n))
+    return share * critical, back(share)
+
+
+EXPORTER = MuJoCo()

@@ -1,0 +1,211 @@
+"""Exports as a whole: the block of comments, draws, refusals, files, targets of one's own."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command_line import in_this_process
+from factories import impacts_file
+from refusals import refused
+
+import ifrfit
+from ifrfit.errors import UsageError
+from ifrfit.exporters.export import write_export
+from ifrfit.exporters.protocol import HASH, Response, Translation
+from ifrfit.exporters.registry import EXPORTERS
+from ifrfit.registry import registered
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return ifrfit.fit("cornell-glass")
+
+
+@pytest.fixture(scope="module")
+def open_fit(tmp_path_factory):
+    """Impacts that only stick: mu is not determined."""
+    path = impacts_file(
+        tmp_path_factory.mktemp("stick") / "stick.csv",
+        {"gamma": range(2, 12, 2), "sigma": 0.02, "noise": 0.02},
+    )
+    return ifrfit.fit(path, fix={"e_n": 0.94})
+
+
+@pytest.fixture(scope="module")
+def saved(fit, tmp_path_factory):
+    path = tmp_path_factory.mktemp("saved") / "result.json"
+    fit.save(path)
+    return path
+
+
+def unwrapped(text):
+    return " ".join(line.lstrip("#* ").strip() for line in text.splitlines())
+
+
+def test_the_block_says_where_it_comes_from(fit):
+    said = unwrapped(fit.export("python"))
+    mu = fit.constants.mu
+    assert "Data: cornell-glass, 48 rows, provenance measured" in said
+    assert "Closure IFR, inertia factor J = 0.4, method exact." in said
+    assert f"mu = {mu.value:.10g}, sd {mu.stderr:.3g}" in said
+    assert "; determined." in said
+    assert "one_sided (lies on its bound -1)" in said
+    assert "Quantiles of the posterior at 2.5, 16, 50, 84, 97.5 %:" in said
+    assert "beta within 1e-12" in said
+
+
+def test_a_stand_in_is_said_first():
+    text = ifrfit.fit("cross-2019", fix={"e_n": 0.94}, method="lsq").export("python")
+    assert text.index("STAND-IN data") < text.index("Data: cross-2019")
+    assert "Quantiles of the distribution of method lsq" in text
+
+
+def test_draws_are_those_of_the_fit(fit):
+    content = json.loads(fit.export("json", draws=50, seed=3))
+    table = fit.draws(50, np.random.default_rng(3))
+    for name in ("e_n", "e_t", "mu"):
+        np.testing.assert_array_equal(content["draws"][name], table[name])
+    lines = [line for line in fit.export("csv", draws=50, seed=3).splitlines() if not line.startswith("#")]
+    rows = list(csv.reader(lines))
+    assert rows[0] == ["row", "e_n", "e_t", "mu"]
+    assert len(rows) == 52
+    np.testing.assert_array_equal([float(row[3]) for row in rows[2:]], table["mu"])
+    assert "Draws, 50 of them: e_n e_t mu" in fit.export("c", draws=50)
+
+
+@pytest.mark.parametrize("target", list(EXPORTERS))
+def test_a_constant_that_is_not_determined_is_never_invented(open_fit, target):
+    assert open_fit.constants.mu.value is None
+    with refused(UsageError, r"^mu is not determined by the data .* --fix mu=VALUE\.$"):
+        open_fit.export(target)
+
+
+def test_the_user_may_name_it(open_fit):
+    said = unwrapped(open_fit.export("csv", fix={"mu": 0.2}))
+    assert "mu = 0.2: named by the user for this export, not by the data (" in said
+    assert "Quantiles" not in said or " mu 0.0" not in said
+
+
+@pytest.mark.parametrize(
+    ("choices", "words"),
+    [
+        ({"target": "lamps"}, "There is no export target 'lamps'"),
+        ({"draws": -1}, "--draws -1: it must lie between 0"),
+        ({"angle": 30.0}, "--angle 30 means nothing to target python"),
+        ({"speed": 3.0}, "--speed 3 means nothing to target python"),
+        ({"fix": {"mu": 0.2}}, r"--fix mu=0.2: the fit has mu = .* \(determined\)"),
+        ({"fix": {"en": 0.2}}, "--fix en: closure IFR has no such constant. It has e_n, e_t and mu. Did you"),
+    ],
+)
+def test_refusals(fit, choices, words):
+    with refused(UsageError, words):
+        fit.export(**{"target": "python"} | choices)
+
+
+@pytest.mark.parametrize("value", [True, "x", float("nan"), -0.1])
+def test_a_named_value_is_a_number_in_its_domain(open_fit, value):
+    with refused(UsageError, "^--fix mu"):
+        open_fit.export("csv", fix={"mu": value})
+
+
+def test_separate_constants_need_their_series():
+    fit = ifrfit.fit(
+        "cross-2019", series=["no spin", "spin 0.225"], separate=["mu"], fix={"e_n": 0.94}, method="lsq"
+    )
+    with refused(
+        UsageError, r"^mu is separate by series: name one with --series, of no spin and spin 0\.225"
+    ):
+        fit.export("json")
+    with refused(UsageError, r"^There is no series 'x'\. mu is separate"):
+        fit.export("json", series="x")
+    content = json.loads(fit.export("json", series="no spin", draws=3))
+    assert content["constants"]["mu"] == fit.constants["mu"]["no spin"].value
+    assert len(set(content["draws"]["mu"])) == 3
+
+
+def test_the_command_writes_what_python_does(fit, saved, tmp_path):
+    again = ifrfit.load_result(saved)
+    for target in ("python", "c", "json", "csv"):
+        outcome = in_this_process("export", saved, "--to", target, "--draws", 4)
+        assert (outcome.returncode, outcome.stderr) == (0, "")
+        assert outcome.stdout == again.export(target, draws=4)
+    out = tmp_path / "wall.py"
+    assert in_this_process("export", saved, "--to", "python", "--out", out).stdout == f"written: {out}\n"
+    assert out.read_text() == again.export("python")
+
+
+def test_files_that_are_there(tmp_path):
+    mine, theirs = tmp_path / "mine.py", tmp_path / "theirs.py"
+    write_export("# Exported by ifrfit 1\n", mine)
+    with refused(UsageError, "an export lies there already. Add --force"):
+        write_export("# Exported by ifrfit 2\n", mine)
+    write_export("# Exported by ifrfit 2\n", mine, force=True)
+    assert mine.read_text() == "# Exported by ifrfit 2\n"
+    theirs.write_text("precious")
+    with refused(UsageError, "is no export of ifrfit and is not replaced"):
+        write_export("# Exported by ifrfit 2\n", theirs, force=True)
+    assert theirs.read_text() == "precious"
+    with refused(UsageError, "name a file in a folder that is there"):
+        write_export("x", tmp_path / "no" / "where.py")
+
+
+def test_a_usage_error_leaves_nothing(saved, tmp_path):
+    out = tmp_path / "x"
+    outcome = in_this_process("export", saved, "--to", "nothing", "--out", out)
+    assert outcome.returncode == 2
+    assert "There is no export target 'nothing'" in outcome.stderr
+    assert not out.exists()
+
+
+class Halves:
+    """A target of one's own: half of all restitution."""
+
+    name = "halves"
+    title = "Halves"
+    comments = HASH
+    takes = frozenset()
+
+    def translate(self, constants, at):
+        def response(incidence):
+            state = constants.rebound(incidence)
+            return Response(0.5 * state.v_n, state.v_x)
+
+        return Translation([f"e {0.5 * constants.e_n}"], "half.", ["e = e_n/2."], "never.", response)
+
+
+def test_a_target_of_ones_own_and_its_residual(fit, saved):
+    with registered(Halves()):
+        said = unwrapped(fit.export("halves"))
+        worst = -0.5 * fit.constants.e_n.value
+        assert f"e_n off by {worst:+.3g} at worst" in said
+        assert "v_x/u within 1e-12; the spin is left as it was" in said
+        assert in_this_process("export", saved, "--to", "halves").returncode == 0
+    with refused(UsageError, "There is no export target 'halves'"):
+        fit.export("halves")
+
+
+@pytest.mark.parametrize("target", list(EXPORTERS))
+def test_text_of_the_fit_cannot_end_the_comment(fit, target):
+    """A command or a name of a file is a comment, whatever it holds."""
+    nasty = replace(fit, command="ifrfit fit '*/ system(1); -->\nrun 0\n--\x0bx\u2028y.csv'")
+    choices = {"angle": 30.0} if "angle" in EXPORTERS[target].takes else {}
+    if target in ("mujoco", "pybullet"):
+        pytest.importorskip(target)
+        choices = {"speed": 2.0}
+    plain, found = fit.export(target, **choices), nasty.export(target, **choices)
+    if target == "json":
+        assert json.loads(found)["constants"] == json.loads(plain)["constants"]
+        return
+    signs = EXPORTERS[target].comments
+    if signs.closing:
+        assert (found.count("*/"), found.count("-->")) == (plain.count("*/"), plain.count("-->"))
+        assert "* / system(1); - -> run 0 - - x y.csv" in unwrapped(found)
+        return
+    # but for its own lines of comments it is the same text
+    left, right = ([line for line in text.splitlines() if not line.startswith(signs.line.strip())]
+                   for text in (found, plain))  # fmt: skip
+    assert left == right
