@@ -9,6 +9,7 @@ from ifrfit.data import Source
 from ifrfit.data.schema import STAND_IN as STAND_IN
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import condition_of
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.option_words import in_python
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import sigma_words
 from ifrfit.text import joined
@@ -68,9 +69,10 @@ def stand_in_sentence(source: Source) -> str:
 def provenance_sentences(result: FitResult, source: Source) -> list[str]:
     """Say where the values of a source come from; a stand-in first and in capitals."""
     kinds = sorted(kinds_of(result, source), key=lambda kind: kind != STAND_IN)
-    return [
+    said = [
         stand_in_sentence(source) if kind == STAND_IN else f"{PROVENANCE.get(kind, kind)}." for kind in kinds
     ]
+    return said if result.command else [in_python(each) for each in said]
 
 
 def reference(source: Source, *, full: bool = False) -> str:

@@ -245,3 +245,20 @@ def test_constants_that_are_all_fixed_are_held_against_the_data(method):
     assert {each.status for each in found.constants.values()} == {"fixed"}
     assert not found.correlation.names
     assert not found.facts["prior_conflict"].ok
+
+
+def test_a_prior_beside_two_equal_angles():
+    found = ifrfit.fit(gamma_deg=[78.7, 78.7], mu_app=[0.57, 0.63], prior={"mu": (0.2, 0.02)})
+    assert found.constants.mu.status == "prior"
+    assert found.constants.e_t.status != "determined"
+
+
+def test_values_that_count_no_unknown_noise():
+    tangent = [-0.20669535815597548, -0.19728142718224959, -0.1379052568699911]
+    tangent += [-0.13401321406173017, -0.11161169953746225, -0.12647853934526287]
+    total = [0.8239180753039481, 0.8155506972327629, 0.9156510277869551]
+    total += [0.7601508002863461, 0.8731760616705136, 0.8985562351564407]
+    found = ifrfit.fit(
+        gamma_deg=[14.604451689319585] * 6, tan_psi_after=tangent, beta_tot=total, closure="f", method="lsq"
+    )
+    assert found.constants.e_n.status == "not_determined"

@@ -245,7 +245,7 @@ def _with_plain_errors(
         gaussian = expanded(base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         step = np.log(new / factor)
-        change = float(np.abs(np.expm1(step)).max())
+        change = float(np.abs(np.expm1(step)).max(initial=0.0))
         if change <= settled:
             break
         factor = new

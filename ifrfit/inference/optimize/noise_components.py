@@ -64,7 +64,8 @@ class NoiseComponent:
         """Its minima of Phi, best first, and a lower bound, within `gap` of the best if that can be."""
         if self.is_monotone:
             return self._least_squares()
-        always = np.where(self.form.always >= 0, self.of_row[self.form.always], -1)
+        # what is negative is a prior, of no row
+        always = np.where(self.form.always >= 0, self.of_row[np.maximum(self.form.always, 0)], -1)
         likelihood = ConcentratedLikelihood.of(
             self.form.problem,
             self.of_row[self.form.switching],

@@ -25,6 +25,7 @@ from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.posterior.integrators import ExactPosterior
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
@@ -221,9 +222,11 @@ def _estimated(
         ),
         assumed=assumed,
     )
-    return StreamedFit(
-        replace(condensed, points=points, problem=None, least_squares=None), condensed, correction
-    )
+    whole = result.distribution
+    if isinstance(whole, ExactPosterior):  # of condensed rows, whose evidence is another one
+        whole = replace(whole, log_evidence=whole.log_evidence + correction.of_evidence)
+    shown = replace(condensed, points=points, distribution=whole, problem=None, least_squares=None)
+    return StreamedFit(shown, condensed, correction)
 
 
 def _estimation(
