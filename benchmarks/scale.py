@@ -44,7 +44,8 @@ batches = pa.table(columns).to_batches(size)
 names, path = ("beta", "e_n"), Path(PATH)
 piece = Piece(path, 0, 0, n, (), 0, 0)
 stream = impact_stream.ImpactStream(
-    path, ((piece,),), Conventions(), Selection(), 0.4, names, True, bool(METHOD)
+    path, ((piece,),), Conventions(), Selection(), 0.4, names, True, bool(METHOD),
+    columns=frozenset(("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ())))
 )
 part = Accumulated.nothing(stream, True, BINS, np.arange(BINS) % 1000 == 0)
 impact_stream._reading = lambda piece: batches
