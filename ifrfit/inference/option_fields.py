@@ -191,7 +191,7 @@ def _is_names(value: object) -> bool:
 
 
 def _is_prior(value: object) -> bool:
-    return _is_pair(value) or (hasattr(value, "log_density") and not isinstance(value, type))
+    return _is_pair(value) or (hasattr(value, "moments") and not isinstance(value, type))
 
 
 _NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair, "priors": _is_prior}

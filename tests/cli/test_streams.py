@@ -74,7 +74,6 @@ def test_what_asks_for_all_rows_is_refused_before_any_is_read(tmp_path, monkeypa
     assert said in refused.stderr
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 def test_rows_are_told_as_they_are_read_and_pipes_hear_nothing(tmp_path, monkeypatch):
     folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
     told, counted = [], []

@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, to_plain
 from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.model.prior_laws import read_law
+from ifrfit.inference.model.prior_laws import ShapedLaw, read_law
 from ifrfit.inference.result.types import (
     Interval,
 )
@@ -45,7 +45,8 @@ class ParameterInFile:
     def parameter(self, name: str) -> Parameter:
         """As it was."""
         law = None if self.law is None else read_law(self.law)
-        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive, law)
+        shape = law if isinstance(law, ShapedLaw) else None
+        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive, shape)
 
 
 def to_dict(result: Findings) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.model.prior_laws import PriorLaw
+from ifrfit.inference.model.prior_laws import ShapedLaw
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class FreeParameter:
         Mean and sd of a Gaussian cut off at the domain; None for a uniform one.
     log_scale : float
         Log density of the uniform prior, or log of what normalises the Gaussian.
-    shape : PriorLaw or None
+    shape : ShapedLaw or None
         Whose density stands in the place of both.
     """
 
@@ -40,7 +40,7 @@ class FreeParameter:
     upper: float
     prior: tuple[float, float] | None
     log_scale: float
-    shape: PriorLaw | None = None
+    shape: ShapedLaw | None = None
 
     @classmethod
     def of(cls, name: str, constant: Parameter) -> FreeParameter:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import entry_name
-from ifrfit.inference.model.prior_laws import Normal, PriorLaw
+from ifrfit.inference.model.prior_laws import Normal, PriorLaw, ShapedLaw
 from ifrfit.physics.closure import Closure
 from ifrfit.text import meant
 
@@ -75,7 +75,7 @@ class Parameter:
         Whether each series has its own value.
     passive : (float, float) or None
         The passive domain, where bounds of the user stand in its place.
-    shape : PriorLaw or None
+    shape : ShapedLaw or None
         The law of the prior, where it is neither normal nor uniform; `prior` then has its mean and sd.
     """
 
@@ -86,7 +86,7 @@ class Parameter:
     prior: tuple[float, float] | None = None
     separate: bool = False
     passive: tuple[float, float] | None = None
-    shape: PriorLaw | None = None
+    shape: ShapedLaw | None = None
 
     def fixed_at(self, value: float) -> Parameter:
         """The same parameter fixed at a value, without its prior."""
@@ -404,7 +404,7 @@ def make_parameters(
         if moments is not None:
             _check_prior(name, *moments, lower, upper)
         passive = default[name] if (lower, upper) != default[name] else None
-        shape = law if law is not None and law.is_shaped else None
+        shape = law if isinstance(law, ShapedLaw) else None
         made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape))
     return tuple(made)
 

@@ -8,6 +8,7 @@ that evaluate densities take them, and the optimum is that with the normal law o
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -23,7 +24,7 @@ _FARTHEST = 8.0  # sd of the logarithm up to which a log-normal law reaches
 
 
 @dataclass(frozen=True)
-class PriorLaw:
+class PriorLaw(ABC):
     """A law by its name and its numbers: ``LogNormal(0.1, 0.3)``, in a shell ``lognormal:0.1,0.3``.
 
     Raises
@@ -62,23 +63,22 @@ class PriorLaw:
         """The domain of the constant under this law, within the one that it has."""
         return lower, upper
 
+    @abstractmethod
     def moments(self, lower: float, upper: float) -> tuple[float, float] | None:
         """Mean and sd of the normal law that stands for it in least squares; None for a uniform law."""
-        raise NotImplementedError
-
-    def log_density(self, value: Array, lower: float, upper: float) -> Array:
-        """Log of its density between two ends, normalised there; (n,)."""
-        raise NotImplementedError
-
-    @property
-    def is_shaped(self) -> bool:
-        """Whether its density is neither normal nor uniform."""
-        return False
 
     @property
     def words(self) -> str:
         """As a report says it."""
         return str(self)
+
+
+class ShapedLaw(PriorLaw):
+    """A law whose density is neither normal nor uniform."""
+
+    @abstractmethod
+    def log_density(self, value: Array, lower: float, upper: float) -> Array:
+        """Log of its density between two ends, normalised there; (n,)."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Uniform(PriorLaw):
 
 
 @dataclass(frozen=True)
-class LogNormal(PriorLaw):
+class LogNormal(ShapedLaw):
     """The logarithm is normal: a constant known to a factor.
 
     Attributes
@@ -250,18 +250,13 @@ class LogNormal(PriorLaw):
         return np.where(np.asarray(value) > 0.0, found, -np.inf)
 
     @property
-    def is_shaped(self) -> bool:
-        """It is."""
-        return True
-
-    @property
     def words(self) -> str:
         """With its median."""
         return f"log-normal with median {self.median:.6g} and {self.log_sd:.6g} as sd of the logarithm"
 
 
 @dataclass(frozen=True)
-class Beta(PriorLaw):
+class Beta(ShapedLaw):
     """The beta law over the domain of its constant.
 
     Attributes
@@ -304,11 +299,6 @@ class Beta(PriorLaw):
         t = np.clip((np.asarray(value) - lower) / (upper - lower), 0.0, 1.0)
         found = xlogy(self.a - 1.0, t) + xlog1py(self.b - 1.0, -t) - betaln(self.a, self.b)
         return np.asarray(found - math.log(upper - lower))
-
-    @property
-    def is_shaped(self) -> bool:
-        """It is, but for the flat one."""
-        return True
 
     @property
     def words(self) -> str:
