@@ -90,9 +90,11 @@ def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
     return np.asarray(along_c * c + (form[KK] * kappa - 2.0 * form[K]) * kappa + form[ONE])
 
 
-def lowest_on_wall(form: Array, tau: Array, law: Coefficients, domain: tuple[float, float]) -> Array:
-    """The c of the least chi2 where the transition lies at tau: kappa = tau (b0 + b1 c)."""
-    turn, foot = law.b1 * tau, law.b0 * tau
+def lowest_on_wall(
+    form: Array, tau: Array, law: Coefficients, domain: tuple[float, float], kappa0: float
+) -> Array:
+    """The c of the least chi2 where the transition lies at tau: kappa0 + kappa = tau (b0 + b1 c)."""
+    turn, foot = law.b1 * tau, law.b0 * tau - kappa0
     curved = form[CC] + (2.0 * form[CK] + form[KK] * turn) * turn
     slope = form[C] - form[CK] * foot + (form[K] - form[KK] * foot) * turn
     c = np.divide(slope, curved, out=np.zeros_like(slope), where=curved > 0.0)
@@ -118,6 +120,8 @@ class TransitionCells:
         Of c.
     rounding : float
         Relative error of a sum.
+    kappa0 : float
+        What is taken off kappa.
     """
 
     form: Array
@@ -128,6 +132,7 @@ class TransitionCells:
     law: Coefficients
     domain: tuple[float, float]
     rounding: float
+    kappa0: float
 
     @classmethod
     def joined(cls, runs: Sequence[TransitionCells]) -> TransitionCells:
@@ -143,7 +148,7 @@ class TransitionCells:
             parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
         form, size, n_stick, low, high = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         rounding = max(each.rounding for each in runs)
-        return cls(form, size, n_stick, low, high, first.law, first.domain, rounding)
+        return cls(form, size, n_stick, low, high, first.law, first.domain, rounding, first.kappa0)
 
     @property
     def n_cells(self) -> int:
@@ -182,14 +187,14 @@ class TransitionCells:
             c[0] = (of_c * kk - ck * of_k) / det
             kappa[0] = (cc * of_k - ck * of_c) / det
             bound = law.b0 + law.b1 * c[0]
-            inside = (c[0] >= first) & (c[0] <= last) & (kappa[0] >= low * bound)
-            inside &= (kappa[0] <= high * bound) & (det > FLAT * both)
-            c[1:3] = lowest_on_wall(form, walls, law, self.domain)
+            inside = (c[0] >= first) & (c[0] <= last) & (kappa[0] >= low * bound - self.kappa0)
+            inside &= (kappa[0] <= high * bound - self.kappa0) & (det > FLAT * both)
+            c[1:3] = lowest_on_wall(form, walls, law, self.domain, self.kappa0)
             c[3], c[4] = first, last
             along = (of_k - ck * c[3:]) / kk
             along[:, kk <= 0.0] = 0.0
             kappa[3:] = along
-            ends = walls[:, None] * (law.b0 + law.b1 * c[1:])
+            ends = walls[:, None] * (law.b0 + law.b1 * c[1:]) - self.kappa0
             kappa[1], kappa[2] = ends[0, 0], ends[1, 1]
             np.maximum(kappa[3:], ends[0, 2:], out=kappa[3:])
             np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:], where=~last_cell | (kk <= 0.0))

@@ -14,10 +14,13 @@ from simulated import simulated
 import ifrfit
 from ifrfit.inference.optimize import transition_search
 from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.impulse_rows import ImpulseRows
+from ifrfit.inference.optimize.impulse_sums import ImpulseSums
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup
 from ifrfit.inference.optimize.solve import solve, whole_group
-from ifrfit.inference.optimize.transition_search import ImpulseRows, least_chi2, transition_optimum
+from ifrfit.inference.optimize.transition_cells import value_at
+from ifrfit.inference.optimize.transition_search import least_chi2, transition_optimum
 from ifrfit.physics.closures import get_closure
 
 J = 0.4
@@ -59,7 +62,7 @@ def groups(draw: st.DrawFn) -> ParameterGroup:
         draw(st.sampled_from(["ifr", "fr"])),
         draw(st.sampled_from(["beta", "v_x", "mu_app"])),
         draw(st.sampled_from(["free", "rounded", "repeated"])),
-        10.0 ** draw(st.floats(-2.0, 0.0)),
+        10.0 ** draw(st.floats(-5.0, 0.0)),
         10.0 ** draw(st.floats(-1.0, 1.0)),
         tuple(draw(st.sets(st.sampled_from(["own", "mu"])))),
     )
@@ -107,6 +110,36 @@ def test_many_rows_are_searched_by_intervals_without_a_doubt(closure: str) -> No
     np.testing.assert_allclose(found.t, expected.t, rtol=1e-9)
 
 
+@pytest.mark.parametrize("closure", ["ifr", "fr"])
+@pytest.mark.parametrize("n", [80, 6000])
+def test_noise_far_below_the_values_is_summed_about_the_best_point(closure: str, n: int) -> None:
+    # chi2 is some n, its terms are 1e9 times larger about the middle of the domain
+    group = group_of(5, n, closure, sigma=2e-5, prior=("own", "mu"))
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    found, expected = transition_optimum(rows), minimise(kappa_form(group).problem)
+    assert found is not None
+    assert found.chi2 == pytest.approx(expected.chi2, rel=1e-9)
+    assert found.gap <= 1e-9 * expected.chi2
+    np.testing.assert_allclose(found.t, expected.t, rtol=1e-11)
+
+
+def test_sums_about_any_point_make_the_same_chi2() -> None:
+    group = group_of(3, 60, "fr", sigma=0.2, prior=("own", "mu"))
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    about_middle = ImpulseSums.of(rows)
+    cells = about_middle.all_cells()
+    for c, kappa in ((0.1, 0.2), (-0.2, 0.05)):
+        moved = about_middle.about(c, kappa)
+        others = moved.all_cells()
+        np.testing.assert_array_equal(others.n_stick, cells.n_stick)
+        for at_c, at_kappa in ((0.0, 0.1), (0.3, 0.4)):
+            there = at_c - moved.c, at_kappa - moved.kappa
+            here = at_c - about_middle.c, at_kappa
+            np.testing.assert_allclose(value_at(others.form, *there), value_at(cells.form, *here), rtol=1e-10)
+
+
 def test_two_optima_far_apart_are_runs_of_intervals_of_their_own() -> None:
     # half of the rows slide at one mu, half at another, at angles that do not overlap
     rng = np.random.default_rng(4)
@@ -136,7 +169,7 @@ def test_nothing_lies_below_the_bound_of_an_interval() -> None:
     group = group_of(11, 3000, "fr", sigma=0.2)
     rows = ImpulseRows.of(group)
     assert rows is not None
-    sums = transition_search._Sums.of(rows)
+    sums = ImpulseSums.of(rows)
     bins = transition_search._Bins.of(sums, float(rows.tau.min()), float(rows.tau.max()))
     m = bins.count.size
     outside = np.zeros((9, m + 1))

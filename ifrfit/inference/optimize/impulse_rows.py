@@ -1,0 +1,149 @@
+"""Weighted measurements of the impulse factor k, where e_n is known or found apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ifrfit.inference.model.rows import Rows
+from ifrfit.inference.optimize.parameter_group import ParameterGroup, direct_sums, is_separable
+from ifrfit.inference.optimize.piecewise import Array
+from ifrfit.inference.optimize.transition_cells import CC, KK, ONE, C, Index, K, value_at
+from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.physics.observable import Observable
+
+BLOCK = 16384  # rows at once, which stay in the cache
+
+
+@dataclass(frozen=True)
+class ImpulseRows:
+    """Weighted measurements of the impulse factor k, made from the rows of a group as they are asked for.
+
+    The residual of a row is v - u k, with u its slope and v its value less its offset, over sigma.
+
+    Attributes
+    ----------
+    rows : Rows
+    weight : ndarray, (n,)
+        1/sigma.
+    inertia_factor : float
+    parts : tuple of (Observable, float)
+        Observables that measure k, and what their slope and offset are multiplied by.
+    law : Coefficients
+    domain : (float, float)
+        Of c.
+    direct : ndarray, (6,)
+        What measures c or kappa on its own adds to the coefficients of chi2: priors, and values of mu.
+    """
+
+    rows: Rows
+    weight: Array
+    inertia_factor: float
+    parts: tuple[tuple[Observable, float], ...]
+    law: Coefficients
+    domain: tuple[float, float]
+    direct: Array
+
+    @classmethod
+    def of(cls, group: ParameterGroup) -> ImpulseRows | None:
+        """The rows of a group whose chi2 is one in c and kappa, but for what e_n alone decides; else None."""
+        e_n, own, mu = group.e_n, group.c, group.mu
+        plain = mu.fixed is None and mu.lower == 0.0 and math.isinf(mu.upper)
+        if not (plain and own.fixed is None and math.isfinite(own.lower) and math.isfinite(own.upper)):
+            return None
+        if e_n.fixed is None and not is_separable(group):
+            return None
+        if e_n.fixed is not None and e_n.prior is not None:
+            return None
+        scale = {"one": 1.0}
+        if e_n.fixed is not None and e_n.fixed > 0.0:
+            scale |= {"impulse": 1.0 / (1.0 + e_n.fixed), "rebound": 1.0 / e_n.fixed}
+        parts, rows = [], group.rows
+        for observable in rows.measured:
+            if observable.kind in ("normal", "friction"):
+                continue  # e_n is known or found apart, and with it values of mu are values of kappa
+            if observable.kind != "tangential" or observable.scale not in scale:
+                return None
+            parts.append((observable, scale[observable.scale]))
+        if not parts:
+            return None
+        domain = own.lower, own.upper
+        return cls(
+            rows,
+            group.weight,
+            group.inertia_factor,
+            tuple(parts),
+            group.coefficients,
+            domain,
+            _direct_coefficients(group),
+        )
+
+    @cached_property
+    def places(self) -> Index | None:
+        """Rows that measure k; None for all."""
+        if len(self.parts) == len(self.rows.measured):
+            return None
+        kept = [observable.name for observable, _ in self.parts]
+        return np.flatnonzero(self.rows.is_any_of(kept))
+
+    @cached_property
+    def tau(self) -> Array:
+        """Slip ratios, (n,)."""
+        return self.rows.tau if self.places is None else self.rows.tau[self.places]
+
+    def blocks(self) -> Iterator[slice]:
+        """Parts of the rows."""
+        for start in range(0, self.tau.size, BLOCK):
+            yield slice(start, start + BLOCK)
+
+    def of_places(self, at: slice | Index) -> tuple[Array, Array]:
+        """u and v of some of the rows."""
+        at = at if self.places is None else self.places[at]
+        incidence = self.rows.incidence.map(lambda part: part[..., at])
+        weight, value = self.weight[at], self.rows.value[at]
+        u, v = np.empty((2, weight.size))
+        which = None if len(self.parts) == 1 else self.rows.which[at]
+        for observable, factor in self.parts:
+            assert observable.linear is not None
+            offset, slope = observable.linear(incidence, self.inertia_factor)
+            if factor != 1.0:
+                offset, slope = factor * offset, factor * slope
+            if which is None:
+                u, v = slope, np.subtract(value, offset, out=v)
+            else:
+                here = which == self.rows.names.index(observable.name)
+                u[here], v[here] = slope[here], (value - offset)[here]
+        v *= weight
+        return u * weight, v
+
+    def chi2(self, c: float, kappa: float) -> float:
+        """The sum of squares, from the rows themselves."""
+        a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
+        total = 0.0
+        for at in self.blocks():
+            u, v = self.of_places(at)
+            k = kappa / self.tau[at]
+            np.minimum(k, b, out=k)
+            k += a
+            k *= u
+            k -= v
+            total += float(k @ k)
+        return total + max(0.0, float(value_at(self.direct, c, kappa)))
+
+
+def _direct_coefficients(group: ParameterGroup) -> Array:
+    """Coefficients of chi2 of what measures c or kappa on its own, (6,)."""
+    made = np.zeros(6)
+    if group.c.prior is not None:
+        made[CC], made[C], made[ONE] = direct_sums(group.c, np.zeros(0), np.zeros(0))
+    if group.e_n.fixed is not None and (group.mu.prior is not None or group.rows.measures("friction")):
+        at, unit = group.rows.of_kind("friction"), 1.0 + group.e_n.fixed
+        weight = group.weight[at]
+        square, product, rest = direct_sums(group.mu, weight, weight * group.rows.value[at])
+        made[KK], made[K] = square / unit**2, product / unit
+        made[ONE] += rest
+    return made

@@ -1,0 +1,179 @@
+"""Sums over measurements of k that decide the cells of c and kappa, about a point where they keep digits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ifrfit.inference.optimize.impulse_rows import ImpulseRows
+from ifrfit.inference.optimize.piecewise import Array
+from ifrfit.inference.optimize.transition_cells import (
+    CC,
+    CK,
+    KK,
+    N_BELOW,
+    ONE,
+    C,
+    Index,
+    K,
+    TransitionCells,
+    quadratic_matrix,
+    row_products,
+    value_at,
+)
+from ifrfit.physics.impulse_laws import Coefficients
+
+_SAMPLE = 256  # rows that tell what is typical
+_EPS = float(np.finfo(float).eps)
+_ALL = 6  # products of a row that may slide
+
+
+@dataclass(frozen=True)
+class ImpulseSums:
+    """How sums are taken of rows: in c and kappa less those of a point, and k less what it is there.
+
+    Rows that stick and rows that slide have a k of their own taken off, unless both are the same number: then
+    the products of a row serve both.
+
+    Attributes
+    ----------
+    rows : ImpulseRows
+    c, kappa : float
+        The point.
+    stick, slide : float
+        Taken off k where a row sticks; where it slides, with kappa/tau.
+    """
+
+    rows: ImpulseRows
+    c: float
+    kappa: float
+    stick: float
+    slide: float
+
+    @classmethod
+    def of(cls, rows: ImpulseRows) -> ImpulseSums:
+        """About the middle of the domain of c, and a typical k: all that is known before any fit."""
+        n = rows.tau.size
+        u, v = rows.of_places(slice(None, None, max(1, n // _SAMPLE)))
+        square = float(u @ u)
+        k = float(u @ v) / square if square > 0.0 else 0.0
+        return cls(rows, 0.5 * (rows.domain[0] + rows.domain[1]), 0.0, k, k)
+
+    def about(self, c: float, kappa: float) -> ImpulseSums:
+        """About a point near the optimum, given in what is left of c and kappa here."""
+        c, kappa, law = c + self.c, kappa + self.kappa, self.rows.law
+        slide = law.a0 + law.a1 * c
+        return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
+
+    @property
+    def _serve_both(self) -> bool:
+        return self.kappa == 0.0 and self.stick == self.slide
+
+    @property
+    def width(self) -> int:
+        """Products of a row: those of one that sticks, then those of one that slides, where these differ."""
+        return _ALL if self._serve_both else N_BELOW + _ALL
+
+    @property
+    def above(self) -> slice:
+        """Which products are those of a row that slides; the first `N_BELOW` are of one that sticks."""
+        return slice(self.width - _ALL, self.width)
+
+    @cached_property
+    def law(self) -> Coefficients:
+        """Of what is left of k, and of the transition."""
+        law = self.rows.law
+        slide = law.a0 + law.a1 * self.c
+        return Coefficients(slide - self.slide, law.a1, law.b0 + law.b1 * self.c, law.b1)
+
+    @cached_property
+    def domain(self) -> tuple[float, float]:
+        """Of what is left of c."""
+        return self.rows.domain[0] - self.c, self.rows.domain[1] - self.c
+
+    @cached_property
+    def matrix(self) -> Array:
+        """See `quadratic_matrix`."""
+        left = self.law
+        # less one number for both, or less what k is at the point itself: nothing is left of it there
+        return quadratic_matrix(left if self._serve_both else Coefficients(0.0, left.a1, 0.0, left.b1))
+
+    @cached_property
+    def direct(self) -> Array:
+        """`ImpulseRows.direct` in what is left of c and kappa."""
+        made = self.rows.direct.copy()
+        made[ONE] = value_at(made, self.c, self.kappa)
+        made[C] -= made[CC] * self.c + made[CK] * self.kappa
+        made[K] -= made[CK] * self.c + made[KK] * self.kappa
+        return made
+
+    def products(self, at: slice | Index, out: Array) -> Array:
+        """Products of some of the rows, (`width`, n)."""
+        u, v = self.rows.of_places(at)
+        x = 1.0 / self.rows.tau[at]
+        if not self._serve_both:
+            stick = v - self.stick * u
+            np.multiply(u, u, out=out[0])
+            np.multiply(u, stick, out=out[1])
+            np.multiply(stick, stick, out=out[2])
+        v -= (self.slide if self._serve_both else self.slide + self.kappa * x) * u
+        row_products(u, v, x, out[self.above])
+        return out
+
+    def quadratics(self, sums: Array) -> tuple[Array, Array]:
+        """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
+        form = self.matrix @ sums
+        size = np.abs(self.matrix[ONE]) @ np.abs(sums)
+        if self.rows.direct.any():
+            form += self.direct[:, None]
+            size += np.abs(self.direct[ONE])
+        return form, size
+
+    def cells(
+        self, order: Index, outside: Array, ends: tuple[float, float], n_below: int, depth: float
+    ) -> TransitionCells:
+        """Cells of some rows, in ascending order of tau.
+
+        Parameters
+        ----------
+        order : ndarray of int, (n,)
+        outside : ndarray, (9,)
+            Sums over the rows below, which stick, and over those above.
+        ends : (float, float)
+            Slip ratios between which the transition lies.
+        n_below : int
+            Rows below.
+        depth : float
+            Terms in a sum.
+        """
+        tau, n = self.rows.tau[order], order.size
+        terms = self.products(order, np.empty((self.width, n)))
+        sums = np.empty((9, n + 1))
+        sums[:] = outside[:, None]
+        sums[:N_BELOW, 1:] += terms[:N_BELOW].cumsum(axis=1)
+        # not as what is left of all: where x is large the difference would lose its digits
+        sums[N_BELOW:, -2::-1] += terms[self.above, ::-1].cumsum(axis=1)
+        low, high = np.empty(n + 1), np.empty(n + 1)
+        low[0], high[-1] = ends
+        low[1:] = high[:-1] = tau
+        n_stick = np.arange(n_below, n_below + n + 1)
+        change = high > low
+        if not change.all():  # rows of equal tau change together
+            sums, low, high, n_stick = sums[:, change], low[change], high[change], n_stick[change]
+        form, size = self.quadratics(sums)
+        return TransitionCells(
+            form, size, n_stick, low, high, self.law, self.domain, rounding_of(depth), self.kappa
+        )
+
+    def all_cells(self) -> TransitionCells:
+        """The cells of all rows."""
+        order = self.rows.tau.argsort()
+        return self.cells(order, np.zeros(9), (0.0, np.inf), 0, float(order.size))
+
+
+def rounding_of(depth: float) -> float:
+    """Relative error of sums so many terms deep."""
+    return 4.0 * _EPS * max(16.0, math.sqrt(depth))
