@@ -100,8 +100,18 @@ class ImpulseRows:
         for start in range(0, self.tau.size, BLOCK):
             yield slice(start, start + BLOCK)
 
+    @cached_property
+    def _of_all(self) -> tuple[Array, Array]:
+        return self._made(slice(None))
+
     def of_places(self, at: slice | Index) -> tuple[Array, Array]:
         """u and v of some of the rows."""
+        if self.tau.size > BLOCK:
+            return self._made(at)
+        u, v = self._of_all
+        return u[at], v[at]
+
+    def _made(self, at: slice | Index) -> tuple[Array, Array]:
         at = at if self.places is None else self.places[at]
         incidence = self.rows.incidence.map(lambda part: part[..., at])
         weight, value = self.weight[at], self.rows.value[at]

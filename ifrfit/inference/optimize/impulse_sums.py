@@ -119,7 +119,7 @@ class ImpulseSums:
             np.multiply(u, u, out=out[0])
             np.multiply(u, stick, out=out[1])
             np.multiply(stick, stick, out=out[2])
-        v -= (self.slide if self._serve_both else self.slide + self.kappa * x) * u
+        v = v - (self.slide if self._serve_both else self.slide + self.kappa * x) * u
         row_products(u, v, x, out[self.above])
         return out
 
