@@ -148,7 +148,9 @@ def _same_measurement(
 def _notes(
     table: pd.DataFrame, names: NDArray[np.object_], labels: NDArray[np.object_], double: Mask
 ) -> list[str]:
-    notes = []
+    notes: list[str] = []
+    if not double.any():
+        return notes
     for source in dict.fromkeys(table["source"].to_numpy()[double]):
         here = (table["source"] == source).to_numpy()
         used, lost = here & ~double, here & double

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import cache
 from numbers import Integral, Real
 from os import PathLike
 from typing import Any, Literal, TypeVar
@@ -104,16 +105,14 @@ class Options:
     """
 
     def __post_init__(self) -> None:
-        for each in fields(self):  # type: ignore[arg-type]
-            stated, value = each.metadata.get(_KEY), getattr(self, each.name)
-            if stated is None or value is None:
+        for name, stated, is_checked in _own_options(type(self)):  # type: ignore[arg-type]
+            value = getattr(self, name)
+            if value is None:
                 continue
-            flag = replace(stated, keyword=stated.keyword or each.name).flag
-            # a text may as well be a number where its annotation says so, as a budget in seconds
-            if stated.form != "text" or each.type in ("str", "str | None"):
-                check_form(flag, stated.form, value)
+            if is_checked:
+                check_form(stated.flag, stated.form, value)
             if stated.least is not None and value < stated.least:
-                raise UsageError(f"{flag} {value}: it must be {stated.least} or more.")
+                raise UsageError(f"{stated.flag} {value}: it must be {stated.least} or more.")
 
     def __repr__(self) -> str:
         values = ((each, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]
@@ -129,15 +128,28 @@ def options_of(owner: type) -> dict[str, Option]:
     owner : type
         A dataclass; fields made otherwise than by `option` and `nested` are none.
     """
+    own = {name: stated for name, stated, _ in _own_options(owner)}
     found: dict[str, Option] = {}
     for each in fields(owner):
-        if _KEY in each.metadata:
-            stated: Option = each.metadata[_KEY]
-            keyword = stated.keyword or each.name
-            found[keyword] = replace(stated, keyword=keyword, default=_default(each))
+        if each.name in own:
+            found[own[each.name].keyword] = own[each.name]
         elif _NESTED in each.metadata:
             found |= options_of(each.metadata[_NESTED])
     return found
+
+
+@cache
+def _own_options(owner: type) -> tuple[tuple[str, Option, bool], ...]:
+    """Fields of a class that are options, each with its option, and whether its form is looked at."""
+    found = []
+    for each in fields(owner):
+        if _KEY in each.metadata:
+            stated: Option = each.metadata[_KEY]
+            stated = replace(stated, keyword=stated.keyword or each.name, default=_default(each))
+            # a text may as well be a number where its annotation says so, as a budget in seconds
+            is_checked = stated.form != "text" or each.type in ("str", "str | None")
+            found.append((each.name, stated, is_checked))
+    return tuple(found)
 
 
 def given(owner: type, values: Mapping[str, Any]) -> dict[str, Any]:

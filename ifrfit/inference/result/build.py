@@ -7,7 +7,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -77,31 +77,54 @@ class OptimumSummary:
 
     Attributes
     ----------
+    problem : Problem
+        At the fitted offset of the angles, where there is one.
+    optimum : LeastSquaresFit
+    conditions : Setting or None
+        The scene of the data, for the effects' criteria.
     gaussian : TruncatedGaussian
         Gaussian approximation about the optimum.
-    constants, kappas : mapping
-        Estimates of least squares: constants by name, kappa by series.
-    statistics : FitStatistics
     residuals : Residuals
-    effects : tuple of EffectLine
-        Criteria on the scene of the data.
+    statistics : FitStatistics
     sticks : ndarray of bool, (n,)
         Which rows stick at the optimum.
     """
 
+    problem: Problem
+    optimum: LeastSquaresFit
+    conditions: Setting | None
     gaussian: TruncatedGaussian
-    constants: Constants
-    kappas: Mapping[str, Estimate]
-    statistics: FitStatistics
     residuals: Residuals
-    effects: tuple[EffectLine, ...]
+    statistics: FitStatistics
     sticks: NDArray[np.bool_]
+
+    @cached_property
+    def _estimates(self) -> tuple[Constants, Mapping[str, Estimate]]:
+        return estimates_of_optimum(self.problem, self.optimum, self.gaussian)
+
+    @property
+    def constants(self) -> Constants:
+        """Estimates of least squares, by constant; a posterior has its own and may never ask."""
+        return self._estimates[0]
+
+    @property
+    def kappas(self) -> Mapping[str, Estimate]:
+        """Kappa of least squares, by series."""
+        return self._estimates[1]
+
+    def effects(self) -> tuple[EffectLine, ...]:
+        """Criteria on the scene of the data; none without one."""
+        if self.conditions is None:
+            return ()
+        transitions = transitions_of(self.problem, self.gaussian, self.constants, self.kappas)
+        derived = derived_of(self.problem, self.constants, self.kappas, transitions)
+        return effect_lines(self.problem, self.optimum, self.conditions, derived)
 
 
 def summarize_optimum(
     problem: Problem, optimum: LeastSquaresFit, conditions: Setting | None = None
 ) -> OptimumSummary:
-    """Estimates of least squares, residuals and criteria of effects.
+    """What is said of an optimum: as `OptimumSummary` has it.
 
     Parameters
     ----------
@@ -114,18 +137,9 @@ def summarize_optimum(
     e_n, c, mu = problem.per_row(optimum.optimum.theta)
     _, sticks = problem.impulse(e_n, c, mu)
     residuals = residuals_of(problem, optimum)
+    statistics = statistics_of(problem, optimum, residuals, sticks)
     gaussian = truncated_gaussian(problem, optimum)
-    constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
-    derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, constants, kappas))
-    return OptimumSummary(
-        gaussian,
-        constants,
-        kappas,
-        statistics_of(problem, optimum, residuals, sticks),
-        residuals,
-        effect_lines(problem, optimum, conditions, derived),
-        sticks,
-    )
+    return OptimumSummary(problem, optimum, conditions, gaussian, residuals, statistics, sticks)
 
 
 def _points(problem: Problem, optimum: LeastSquaresFit, about: OptimumSummary) -> pd.DataFrame:
@@ -236,7 +250,7 @@ def build_result(
         assumed=cast("tuple[str, ...]", Postponed(taken)),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
-        effects=about.effects,
+        effects=about.effects(),
         problem=asked,
         least_squares=optimum,
         distribution=distribution,
