@@ -160,21 +160,22 @@ class ImpactStream:
             A file cannot be read, or changed since it was parted, or a column is not a column of numbers.
         """
         for piece in portion:
-            first = piece.first
+            seen_rows = 0
             piece.check_unchanged()
             layout: Layout | None = None
             for batch in _reading(piece):
                 if batch.num_rows:
                     if layout is None:
-                        layout = identify(cells_of(batch, piece.path, first), self.conventions)
+                        layout = identify(cells_of(batch, piece.path, 0), self.conventions)
                         self._refuse_other_columns(layout)
                         plain = PlainRows.of(layout, self.observables, self.has_sigma, self.selection.ranges)
+                    first = piece.first + seen_rows
                     seen = self._plain_batch(batch, layout, plain, tally)
-                    found, usable = seen or self._batch(batch, piece.path, first, tally, layout, plain)
+                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, plain)
                     if sample is not None:
                         sample.draw(batch, piece.number, first, usable)
                     yield replace(found, number=piece.number, first=first)
-                first += batch.num_rows
+                seen_rows += batch.num_rows
                 tally.rows += batch.num_rows
             piece.check_unchanged()
 
@@ -206,14 +207,14 @@ class ImpactStream:
     def _batch(
         self,
         batch: pa.RecordBatch,
-        path: Path,
-        first: int,
+        piece: Piece,
+        seen_rows: int,
         tally: Tally,
         layout: Layout,
         plain: PlainRows | None,
     ) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
-        cells = cells_of(batch, path, first)
+        cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
         # units that headers leave open are told by the values of each batch
         known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
         return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)

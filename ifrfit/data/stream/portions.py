@@ -1,21 +1,25 @@
-"""Files parted into portions, each read on its own: some files, or some row groups of one."""
+"""Files parted into portions, each read on its own: some files, or some row groups or lines of one."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from ifrfit.data.stream.files import BYTES_A_LINE, is_text, unreadable
 from ifrfit.errors import DataError
 
 FIRST_ROWS = 400_000  # of the first portion, which tells where to look closely in all others
-ROWS = 2_000_000  # of each other portion: seconds of work, unless a row group or a text file is longer
+ROWS = 2_000_000  # of each other portion: seconds of work, unless a row group is longer
+_TEXT_BYTES = FIRST_ROWS * BYTES_A_LINE  # of a piece of text
+_STEP = 1 << 16  # bytes that are looked through for the end of a line
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A file, or some row groups of it.
+    """A file, or some row groups or lines of it.
 
     Attributes
     ----------
@@ -23,13 +27,15 @@ class Piece:
     number : int
         Of the file, in the order of the names.
     first : int
-        Row of the file with which it begins.
+        Row of the file with which it begins; of text the byte, which tells its rows from all others as well.
     rows : int
         How many there are; of text a guess from the size.
     row_groups : tuple of int
-        Of a Parquet file; empty for text, which is read whole.
+        Of a Parquet file; empty for text.
     size, changed : int
         Bytes of the file, and when it was written (ns): what is read is what was parted.
+    end : int
+        Byte of a text file before which it ends.
     """
 
     path: Path
@@ -39,6 +45,18 @@ class Piece:
     row_groups: tuple[int, ...]
     size: int
     changed: int
+    end: int = 0
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is all of a file of text."""
+        return not self.row_groups and self.first == 0 and self.end == self.size
+
+    def rows_before(self) -> int:
+        """Rows of the file before it; lines of text are counted for that, so ask only to name one."""
+        if self.row_groups or self.first == 0:
+            return self.first
+        return _lines_before(self.path, self.first, self.changed) - 1  # the header is none
 
     def check_unchanged(self) -> None:
         """See that the file is the one that was parted.
@@ -86,7 +104,7 @@ def portions_of(files: Sequence[Path]) -> list[Portion]:
 
 
 def _pieces(path: Path, number: int) -> list[Piece]:
-    """A text file, or each row group of a Parquet file."""
+    """Lines of a text file, or each row group of a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -94,7 +112,11 @@ def _pieces(path: Path, number: int) -> list[Piece]:
         stat = path.stat()
         stamp = (stat.st_size, stat.st_mtime_ns)
         if is_text(path):
-            return [Piece(path, number, 0, stat.st_size // BYTES_A_LINE, (), *stamp)]
+            cuts = [0, *_cuts(path, stat.st_size), stat.st_size]
+            return [
+                Piece(path, number, first, (end - first) // BYTES_A_LINE, (), *stamp, end)
+                for first, end in itertools.pairwise(cuts)
+            ]
         about = pq.read_metadata(path)
     except (pa.ArrowException, OSError) as error:
         raise unreadable(path, error) from None
@@ -106,6 +128,44 @@ def _pieces(path: Path, number: int) -> list[Piece]:
     return found
 
 
+def _cuts(path: Path, size: int) -> list[int]:
+    """Bytes at which lines of a text file begin, some way apart; none of a compressed one."""
+    if path.suffix.lower() != ".csv":
+        return []
+    found: list[int] = []
+    with path.open("rb") as file:
+        for wanted in range(_TEXT_BYTES, size, _TEXT_BYTES):
+            if found and found[-1] > wanted:
+                continue
+            file.seek(wanted)
+            while step := file.read(_STEP):
+                line_end = step.find(b"\n")
+                if line_end >= 0:
+                    found.append(file.tell() - len(step) + line_end + 1)
+                    break
+    return [cut for cut in found if cut < size]
+
+
+@lru_cache(maxsize=1)
+def _counted(path: Path, changed: int) -> list[tuple[int, int]]:
+    """Bytes and lines before them as far as they were counted: parts are mostly read in their order."""
+    return [(0, 0)]
+
+
+def _lines_before(path: Path, byte: int, changed: int) -> int:
+    known = _counted(path, changed)
+    at, lines = max(pair for pair in known if pair[0] <= byte)
+    with path.open("rb") as file:
+        file.seek(at)
+        while at < byte:
+            step = file.read(min(_STEP, byte - at))
+            if not step:
+                break
+            at, lines = at + len(step), lines + step.count(b"\n")
+    known.append((at, lines))
+    return lines
+
+
 def _together(one: Piece, following: Piece) -> Piece:
-    groups = one.row_groups + following.row_groups
-    return Piece(one.path, one.number, one.first, one.rows + following.rows, groups, one.size, one.changed)
+    groups, rows = one.row_groups + following.row_groups, one.rows + following.rows
+    return replace(one, rows=rows, row_groups=groups, end=following.end)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +23,12 @@ if TYPE_CHECKING:
 
 _BATCH = 1 << 15
 _INDEX = "__index_level_"
+_ROW = re.compile(r"Row #(\d+)")
 
 
 def table_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
     """The rows of a piece."""
-    return _csv_batches(piece.path) if is_text(piece.path) else _parquet_batches(piece)
+    return _csv_batches(piece) if is_text(piece.path) else _parquet_batches(piece)
 
 
 def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = False) -> Cells:
@@ -59,10 +63,44 @@ def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
         yield from file.iter_batches(_BATCH, row_groups=groups, columns=columns, use_threads=False)
 
 
-def _csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
+def _csv_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
     """Plain CSV: a header in the first line, commas between cells, points in numbers; labels stay text."""
     import pyarrow as pa
     import pyarrow.csv
+
+    names = _header_of(piece.path)
+    types = {
+        name: pa.string() if role_of(name.strip()).dimension == "text" else pa.float64() for name in names
+    }
+    options = pa.csv.ConvertOptions(
+        column_types=types, null_values=[*NOT_MEASURED, "NaN", "NA", "N/A", "#N/A"]
+    )
+    reading = pa.csv.ReadOptions(
+        use_threads=False, block_size=1 << 23, column_names=names if piece.first else None
+    )
+    with contextlib.ExitStack() as opened:
+        source: Any = piece.path
+        if not piece.is_whole:
+            source = opened.enter_context(_Lines(piece))
+        try:
+            yield from opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options))
+        except pa.ArrowInvalid as error:
+            # the row that it names is one of the part
+            said = _ROW.sub(lambda row: f"Row #{int(row[1]) + piece.rows_before() + 1}", str(error))
+            raise (error if piece.first == 0 else pa.ArrowInvalid(said)) from None
+
+
+def _header_of(path: Path) -> list[str]:
+    """Names of the columns.
+
+    Raises
+    ------
+    DataError
+        The file is empty.
+    NotStreamableError
+        The first line is no plain header.
+    """
+    import pyarrow as pa
 
     with pa.input_stream(str(path)) as stream:
         head = stream.read(1 << 16)
@@ -75,14 +113,27 @@ def _csv_batches(path: Path) -> Iterator[pa.RecordBatch]:
             f"{path}: the first line is no plain header of names between commas, as a file needs that is not "
             "held in memory. Write such a header, or Parquet."
         )
-    types = {
-        name: pa.string() if role_of(name.strip()).dimension == "text" else pa.float64()
-        for name in next(csv.reader([header]))
-    }
-    options = pa.csv.ConvertOptions(
-        column_types=types, null_values=[*NOT_MEASURED, "NaN", "NA", "N/A", "#N/A"]
-    )
-    with pa.csv.open_csv(
-        path, pa.csv.ReadOptions(use_threads=False, block_size=1 << 23), convert_options=options
-    ) as reader:
-        yield from reader
+    return next(csv.reader([header]))
+
+
+class _Lines(io.RawIOBase):
+    """The lines of a piece of a text file."""
+
+    def __init__(self, piece: Piece) -> None:
+        super().__init__()
+        self._file = piece.path.open("rb", buffering=0)
+        self._file.seek(piece.first)
+        self._left = piece.end - piece.first
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        part = memoryview(buffer)[: self._left]
+        count = self._file.readinto(part) if self._left else 0
+        self._left -= count
+        return count
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
