@@ -11,7 +11,7 @@ import typer
 
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import METHOD, MODEL
-from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
+from ifrfit.cli.options import Repeated, SharedCommand, are_streamed, command_line, words
 from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 
 
@@ -41,6 +41,23 @@ def compare(
             rich_help_panel=METHOD,
         ),
     ] = True,
+    workers: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            help="Processes that read data not held in memory; no number depends on them.",
+            min=1,
+            rich_help_panel=METHOD,
+        ),
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers do so, as tcp://host:8786.  [default: none]",
+            rich_help_panel=METHOD,
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write compare.json, .svg and .png there.")
     ] = None,
@@ -69,10 +86,13 @@ def compare(
     before = "" if out is None else standing(out, COMPARISON)
     stopped = ""
     try:
-        with verbosely(verbose, quiet), working(quiet or as_json, "comparing") as progress:
+        of = "rows" if are_streamed(question["data"]) else "steps"
+        with verbosely(verbose, quiet), working(quiet or as_json, "comparing", of) as progress:
             found = run(
                 closures=words(closure) or None,
                 loo=loo,
+                workers=workers,
+                scheduler=scheduler,
                 command=command_line(),
                 progress=progress,
                 **question,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ifrfit.cli.grouped_help import METHOD
-from ifrfit.cli.options import SharedCommand, command_line
+from ifrfit.cli.options import SharedCommand, are_streamed, command_line
 from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 from ifrfit.errors import UsageError
 
@@ -49,7 +49,7 @@ def fit(
 
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
-    streams = _streams(question["data"])
+    streams = are_streamed(question["data"])
     if streams and intervals:
         raise UsageError(
             "--intervals: data that are not held in memory are put to one method at a time. Take --method "
@@ -110,15 +110,6 @@ def _unfinished(out: Path | None) -> Path:
         place = out.resolve()
         return place.with_name(f"{place.name}.unfinished")
     return Path(f"ifrfit-{hashlib.sha256(command_line().encode()).hexdigest()[:8]}.unfinished")
-
-
-def _streams(data: list[str]) -> bool:
-    """Whether the data are not held in memory."""
-    if len(data) != 1:
-        return False
-    from ifrfit.data.stream.files import is_stream
-
-    return is_stream(Path(data[0]))
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:

@@ -92,6 +92,15 @@ def words(given: Sequence[str]) -> list[str]:
     return [word.strip() for text in given for word in text.split(",") if word.strip()]
 
 
+def are_streamed(data: Sequence[str]) -> bool:
+    """Whether the data of a command are not held in memory."""
+    if len(data) != 1:
+        return False
+    from ifrfit.data.stream.files import is_stream
+
+    return is_stream(Path(data[0]))
+
+
 def _observables() -> Iterable[str]:
     from ifrfit.physics.observables import OBSERVABLES
 

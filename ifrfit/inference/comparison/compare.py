@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from scipy import special
 
-from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.loo import loo_of, with_differences
 from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
@@ -42,6 +41,9 @@ from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.text import joined
 
+if TYPE_CHECKING:
+    from ifrfit.inference.sufficient_statistics.passes import Reader
+
 _NO_OBLIQUE = "No row is of an oblique impact: e_n and mu alone say nothing of a closure."
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
@@ -68,6 +70,8 @@ def compare(
     model: Model | None = None,
     noise: str | Noise | None = None,
     loo: bool = True,
+    workers: int = 1,
+    scheduler: str | None = None,
     seed: int = 0,
     scene: str | Path | None = None,
     command: str = "",
@@ -89,12 +93,17 @@ def compare(
         As `fit`.
     loo : bool
         Whether to cross-validate by leaving impacts out (needs ArviZ's statistics; takes longer).
+    workers : int
+        Processes that read data not held in memory; no number depends on them.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers do so, as ``tcp://host:8786``.
     seed : int
         Of the draws behind bands and cross-validation.
     scene, command
         As `fit`.
     progress : callable, optional
-        Called with the closures fitted and cross-validated, and how many there are to be.
+        Called with the closures fitted and cross-validated, and how many there are to be; of data not held in
+        memory with rows.
     **keywords
         Those of `fit` but for closure and the options of methods.
 
@@ -135,10 +144,23 @@ def compare(
     path = stream_path(data)
     stream = None if path is None else open_stream(path, chosen, scatter, options)
     if stream is not None:
+        from ifrfit.inference.sufficient_statistics.passes import Reader
+        from ifrfit.inference.workers.crews import crew_of
+
         if not closures:
             asked, notes = _linear(asked)
         notes += applied_where(asked, chosen.named_constants())
-        return _compare_stream(stream, asked, chosen, scatter, notes, seed, command)
+        with (
+            shown_in_notebook(progress, "comparing", "rows") as seen,
+            crew_of(workers, scheduler) as crew,
+        ):
+            reader = Reader(stream, crew, None, seen)
+            return _compare_stream(reader, asked, chosen, scatter, notes, seed, command)
+    if workers > 1 or scheduler is not None:
+        given = "workers" if workers > 1 else "scheduler"
+        raise UsageError(
+            f"--{given}: these data are held in memory, and compared by one process. Leave it out."
+        )
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, options)
     fits: dict[str, FitResult] = {}
@@ -174,7 +196,7 @@ def _linear(closures: Sequence[Closure]) -> tuple[tuple[Closure, ...], tuple[str
 
 
 def _compare_stream(
-    stream: ImpactStream,
+    reader: Reader,
     closures: Sequence[Closure],
     model: Model,
     noise: Noise,
@@ -183,12 +205,11 @@ def _compare_stream(
     command: str,
 ) -> Comparison:
     """Closures side by side on the same sums; impacts are not left out one by one."""
-    from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
 
-    asked = [asked_of_stream(stream, model.with_closure(c), c, noise, seed) for c in closures]
+    asked = [asked_of_stream(reader.stream, model.with_closure(c), c, noise, seed) for c in closures]
     found = fit_stream(
-        Reader(stream),
+        reader,
         asked,
         noise.policy,
         Exact(),

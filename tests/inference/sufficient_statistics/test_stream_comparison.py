@@ -7,6 +7,7 @@ from matplotlib.text import Text
 from streams import folder_of, impacts
 
 import ifrfit
+from ifrfit.data.stream import portions
 from ifrfit.errors import UsageError
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.physics.closures import CLOSURES
@@ -83,3 +84,23 @@ def test_what_a_comparison_cannot_have(tmp_path):
         ifrfit.compare(folder, exclude=("7",))
     with pytest.raises(UsageError, match="known or unknown"):
         ifrfit.compare(folder, noise="scaled")
+
+
+def test_processes_that_read_change_nothing_and_are_refused_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(portions, "FIRST_ROWS", 500)
+    monkeypatch.setattr(portions, "ROWS", 500)
+    rows = impacts(2000, 3)
+    folder = folder_of(tmp_path / "all", rows, 4, "parquet")
+    told = []
+    alone = ifrfit.compare(folder, loo=False, progress=lambda done, most: told.append((done, most)))
+    shared = ifrfit.compare(folder, loo=False, workers=2)
+    assert told[-1] == (2000, 2000)
+    for name, entry in alone.entries.items():
+        assert shared.entries[name].log_evidence == entry.log_evidence
+        assert shared.entries[name].fit.fit == entry.fit.fit
+    rows.to_csv(tmp_path / "all.csv", index=False)
+    with pytest.raises(UsageError, match="held in memory") as error:
+        ifrfit.compare(tmp_path / "all.csv", loo=False, workers=2)
+    assert str(error.value).startswith("workers")
+    with pytest.raises(UsageError, match="held in memory"):
+        ifrfit.compare(tmp_path / "all.csv", loo=False, scheduler="tcp://localhost:1")
