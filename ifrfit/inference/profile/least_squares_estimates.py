@@ -28,7 +28,7 @@ _BEYOND = 1.25
 
 
 def estimates_of_optimum(
-    problem: Problem, fit: LeastSquaresFit, gaussian: TruncatedGaussian
+    problem: Problem, fit: LeastSquaresFit, gaussian: TruncatedGaussian, *, beside_marginals: bool = False
 ) -> tuple[Constants, Mapping[str, Estimate]]:
     """Every constant and kappa of each series, as `by_constant`.
 
@@ -38,6 +38,9 @@ def estimates_of_optimum(
     fit : LeastSquaresFit
     gaussian : TruncatedGaussian
         As `ifrfit.inference.summary.gaussian.gaussian_approximation`.
+    beside_marginals : bool
+        Whether another method has the marginals, so that no more is asked than what the data determine:
+        optima that lie near one another, as the domain goes, need no profile then.
     """
     reasons = prior_reasons(problem, fit)
 
@@ -45,7 +48,8 @@ def estimates_of_optimum(
         normal = gaussian.marginals[name]
         known = known_of(problem, fit, name, normal.sd, reasons)
         reach = _BEYOND * normal.half_width(0.95)
-        local = all(abs(other - normal.mode) <= reach for other in rivals)
+        apart = max((abs(other - normal.mode) for other in rivals), default=0.0)
+        local = apart <= reach or (beside_marginals and apart + reach < HALF * domain.prior_sd)
         if known.seen and local and normal.sd < HALF * domain.prior_sd:
             return estimate_of(domain, marginal_of_normal(normal), replace(known, unique=True))
         return _profiled(problem, fit, quantity, known)

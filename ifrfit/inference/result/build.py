@@ -88,6 +88,8 @@ class OptimumSummary:
     statistics : FitStatistics
     sticks : ndarray of bool, (n,)
         Which rows stick at the optimum.
+    beside_marginals : bool
+        As `estimates_of_optimum`.
     """
 
     problem: Problem
@@ -97,10 +99,13 @@ class OptimumSummary:
     residuals: Residuals
     statistics: FitStatistics
     sticks: NDArray[np.bool_]
+    beside_marginals: bool = False
 
     @cached_property
     def _estimates(self) -> tuple[Constants, Mapping[str, Estimate]]:
-        return estimates_of_optimum(self.problem, self.optimum, self.gaussian)
+        return estimates_of_optimum(
+            self.problem, self.optimum, self.gaussian, beside_marginals=self.beside_marginals
+        )
 
     @property
     def constants(self) -> Constants:
@@ -201,6 +206,7 @@ def build_result(
     problem = at_fitted_offset(asked, optimum)
     about = summary or summarize_optimum(asked, optimum, conditions)
     own = estimation.distribution
+    about = replace(about, beside_marginals=own is not None)
     constants, kappas, transitions = _estimates(problem, about, estimation)
     names = problem.parameters.free_names
     distribution: Distribution = about.gaussian if own is None else own

@@ -1,11 +1,12 @@
 """What a transition within an interval costs at least: a proof from the sums alone.
 
-A transition in interval j leaves the impacts below it sticking and those above it sliding. Their misfits are
-quadratics, each of which has a least value over all constants. The impacts of the interval itself have an
-impulse factor that differs from that of sticking by b (1 - tau_lo/tau_hi) at most, where b is the largest
-difference between sticking and sliding that the closure's domain allows, so that by the triangle inequality
+A transition in interval j leaves the impacts below it sticking and those above it sliding. Their misfit is a
+quadratic in c and kappa, which has a least value over all constants whose transition kappa/b lies within
+tau_lo and tau_hi. The impacts of the interval itself have an impulse factor that differs from that of
+sticking by b (1 - tau_lo/tau_hi) at most, where b is the largest difference between sticking and sliding that
+the closure's domain allows, so that by the triangle inequality
 
-    Q >= min Q_stick(below) + min Q_slide(above)
+    Q >= min (Q_stick(below) + Q_slide(above))
          + max(0, sqrt(min Q_stick(j)) - b (1 - tau_lo/tau_hi) sqrt(W_j))^2
 
 with W_j the sum of w s^2 there (docs/theory/sufficient-statistics.md, eq. 3).
@@ -16,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.optimize.piecewise_quadratic import FLAT
+from ifrfit.inference.optimize.transition_cells import CC, CK, KK, ONE, TransitionCells, quadratic_matrix
 from ifrfit.inference.sufficient_statistics.moments import (
     S_1,
     S_X,
@@ -30,6 +33,8 @@ from ifrfit.inference.sufficient_statistics.moments import (
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
+
+_ROUNDING = 1e-12  # relative, of what sums cancel to
 
 
 def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], spread: float = 1.0) -> Array:
@@ -48,14 +53,29 @@ def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], sp
     sums = about_zero(sums)
     upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
     below, above = upto[:-1], upto[-1] - upto[1:]
-    constants = np.array(domain)
-    b = spread * float(np.max(np.abs(law.b0 + law.b1 * constants)))
+    b = spread * float(np.max(np.abs(law.b0 + law.b1 * np.array(domain))))
     tau = edges(sums.shape[0])
     with np.errstate(invalid="ignore"):
         width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)
     within = np.sqrt(_sticking(sums, law, domain)) - b * width * np.sqrt(sums[:, S_1])
-    outside = _sticking(below, law, domain) + _sliding(above, law, domain)
+    outside = _least_outside(below, above, (tau[:-1], tau[1:]), law, domain)
     return np.asarray(outside + np.maximum(within, 0.0) ** 2)
+
+
+def _least_outside(
+    below: Array, above: Array, ends: tuple[Array, Array], law: Coefficients, domain: tuple[float, float]
+) -> Array:
+    """Least misfit of impacts that stick and others that slide, with the transition between two ends."""
+    stick, slide = below[:, [S_1, S_Z, S_ZZ]], above[:, [S_1, S_Z, S_ZZ, S_X, S_XX, S_ZX]]
+    terms, matrix = np.concatenate((stick, slide), axis=1).T, quadratic_matrix(law)
+    form, size = matrix @ terms, np.abs(matrix[ONE]) @ np.abs(terms)
+    numbers = np.arange(below.shape[0])
+    cells = TransitionCells(form, size, numbers, *ends, law, domain, _ROUNDING, 0.0)
+    found = cells.minima(numbers)
+    # where c and kappa are hardly told apart, rounding decides where in the strip the least value lies
+    flat = form[CC] * form[KK] - form[CK] ** 2 < FLAT * form[CC] * form[KK]
+    apart = _sticking(below, law, domain) + _sliding(above, law, domain)
+    return np.where(flat, apart, np.maximum(found.values - found.errors, apart))
 
 
 def least_direct(sums: Array) -> float:
@@ -95,5 +115,5 @@ def _over(a: Array, b: Array) -> Array:
 
 def _kept(left: Array, sums: Array) -> Array:
     """What cancellation may leave is not counted: a bound from below."""
-    rounding = 1e-12 * sums[:, S_ZZ]
+    rounding = _ROUNDING * sums[:, S_ZZ]
     return np.where(sums[:, N] > 0.0, np.maximum(left - rounding, 0.0), 0.0)

@@ -116,9 +116,10 @@ def test_condensed_rows_have_the_quadratics_of_all(seed, n, name):
             assert ours == pytest.approx(theirs, rel=1e-7)
 
 
-@pytest.mark.parametrize("closure", ["ifr", "fr", "f"])
+@pytest.mark.parametrize("closure", ["ifr", "fr", "f", "ifr-contact"])
 @pytest.mark.parametrize("seed", range(6))
-def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed):
+@pytest.mark.parametrize("shift", [0.0, 0.4])
+def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed, shift):
     rng = np.random.default_rng(seed)
     n, bins = 300, 24
     gamma = rng.uniform(1.0, 85.0, n)
@@ -128,7 +129,8 @@ def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed):
     offset, slope = OBSERVABLES["beta"].linear(incidence, 0.4)
     c, kappa = rng.uniform(*domain), rng.uniform(0.05, 0.6)
     k, _ = law.impulse(incidence, c, kappa)
-    value = offset + slope * k + 0.05 * rng.standard_normal(n)
+    # what no constants describe, too: sticking and sliding each would have their own transition
+    value = offset + slope * k + 0.05 * rng.standard_normal(n) + shift * (gamma > 45.0)
     made = Moments.nothing(1, bins)
     slip = np.abs(incidence.slip_x)
     place = bin_of(slip, incidence.cosine, bins)

@@ -9,6 +9,8 @@ from streams import folder_of, impacts
 import ifrfit
 from ifrfit.data.stream import portions
 from ifrfit.errors import UsageError
+from ifrfit.inference.profile import least_squares_estimates
+from ifrfit.inference.sufficient_statistics import passes, transition_window
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.physics.closures import CLOSURES
 
@@ -104,3 +106,30 @@ def test_processes_that_read_change_nothing_and_are_refused_in_memory(tmp_path, 
     assert str(error.value).startswith("workers")
     with pytest.raises(UsageError, match="held in memory"):
         ifrfit.compare(tmp_path / "all.csv", loo=False, scheduler="tcp://localhost:1")
+
+
+def test_a_refuted_closure_leaves_few_impacts_to_be_held(tmp_path, monkeypatch):
+    # without a transition that binds sliding to sticking, F leaves open where it lies: half of all impacts
+    monkeypatch.setattr(transition_window, "_MOST_ROWS", 20_000)
+    monkeypatch.setattr(passes, "_MOST_KEPT", 5_000)
+    path = tmp_path / "all"
+    found = ifrfit.compare(folder_of(path, impacts(60_000, sigma=0.01, spin=0.0), 3, "parquet"), loo=False)
+    assert found.ranked[0] == "ifr"
+    assert "f" in found.entries
+
+
+def test_optima_near_one_another_need_no_profile_beside_a_posterior(monkeypatch):
+    asked = []
+    profiled = least_squares_estimates._profiled
+    monkeypatch.setattr(
+        least_squares_estimates, "_profiled", lambda *each: asked.append(1) or profiled(*each)
+    )
+    table = impacts(300, sigma=0.03, spin=0.0)
+    fit = ifrfit.fit(table, closure="f", method="lsq")
+    assert fit.constants.mu.status == "determined"
+    assert asked  # F does not describe these: its kinks leave optima beside one another
+    asked.clear()
+    exact = ifrfit.fit(table, closure="f")
+    assert exact.constants.mu.status == "determined"
+    assert not asked
+    assert exact.constants.mu.value == pytest.approx(fit.constants.mu.value, abs=fit.constants.mu.sd)
