@@ -41,12 +41,12 @@ def impulse_terms(constants: ExportedConstants, target: str) -> ImpulseTerms:
 
 
 def evaluated(constants: ExportedConstants, terms: ImpulseTerms, incidence: Incidence) -> Response:
-    """Rebounds without spin by the arithmetic of the exported functions, from the exported numbers alone."""
-    slip = np.abs(incidence.sine)
-    k = terms.a + np.minimum(terms.b, terms.kappa * incidence.cosine / slip)
-    push = k * incidence.sine
-    v_x, spin_y = incidence.sine - push, -push / constants.inertia_factor
-    return Response(constants.e_n * incidence.cosine, v_x, -(v_x + spin_y) / incidence.sine)
+    """Rebounds, with spin about y, by the arithmetic of the exported functions, from their numbers alone."""
+    slip = incidence.slip_x
+    k = terms.a + np.minimum(terms.b, terms.kappa * incidence.cosine / np.abs(slip))
+    push = k * slip
+    v_x, spin_y = incidence.sine - push, incidence.spin_y - push / constants.inertia_factor
+    return Response(constants.e_n * incidence.cosine, v_x, -(v_x + spin_y) / slip)
 
 
 WALL_WORDS = (
