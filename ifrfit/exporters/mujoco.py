@@ -10,6 +10,7 @@ which a contact may begin. Friction would be damped as weakly as the normal, so 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,8 +86,9 @@ class MuJoCo:
             law="a spring and a dashpot along the normal, regularised Coulomb friction along the wall; no "
             "restitution and no tangential restitution of its own.",
             mapping=[
-                f"solref: asked was e_n = {constants.e_n:.6g} at {speed:g} m/s, {backs.min():.5g} to "
-                f"{backs.max():.5g} came back, as the contact begins within a time step: {verdict}.",
+                f"solref: asked was e_n = {constants.e_n:.6g} at {speed:g} m/s, head-on {backs.min():.5g} to "
+                f"{backs.max():.5g} came back, as the contact begins within a time step: {verdict}; "
+                f"{oblique_words(response)}.",
                 f"friction = mu; there is no place for {constants.closure.constant or 'beta'}: contacts that "
                 "stick stop the contact point, or nearly.",
                 "geom1 and geom2 are yours to name; solreffriction stops the slip within the contact, where "
@@ -99,6 +101,19 @@ class MuJoCo:
             ran=f"MuJoCo {engine.__version__}",
             angles=ANGLES,
         )
+
+
+def oblique_words(response: Callable[[Incidence], Response]) -> str:
+    """What comes back of the normal velocity in oblique impacts without spin."""
+    incidence = Incidence.of(ANGLES, degrees=True)
+    back = response(incidence).v_n / incidence.cosine
+    low, high = int(np.argmin(back)), int(np.argmax(back))
+    where = f"in oblique impacts without spin, from {ANGLES[0]:g} to {ANGLES[-1]:g} degrees,"
+    if back[high] - back[low] < 1e-4:
+        return f"{where} {back[low]:.4g}"
+    return (
+        f"{where} {back[low]:.4g} ({ANGLES[low]:g} degrees) to {back[high]:.4g} ({ANGLES[high]:g} degrees)"
+    )
 
 
 def _engine() -> Any:

@@ -192,10 +192,9 @@ def test_a_target_of_ones_own_and_its_residual(fit, saved):
 def test_text_of_the_fit_cannot_end_the_comment(fit, target):
     """A command or a name of a file is a comment, whatever it holds."""
     nasty = replace(fit, command="ifrfit fit '*/ system(1); -->\nrun 0\n--\x0bx\u2028y.csv'")
-    choices = {"angle": 30.0} if "angle" in EXPORTERS[target].takes else {}
-    if target in ("mujoco", "pybullet"):
+    choices = {name: {"angle": 30.0, "speed": 2.0}[name] for name in EXPORTERS[target].takes}
+    if target in ("mujoco", "pybullet"):  # they are run
         pytest.importorskip(target)
-        choices = {"speed": 2.0}
     plain, found = fit.export(target, **choices), nasty.export(target, **choices)
     if target == "json":
         assert json.loads(found)["constants"] == json.loads(plain)["constants"]
