@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, evaluated, impulse_terms
+from ifrfit.exporters.impulse_terms import wall_function
 from ifrfit.exporters.protocol import IN_C, Comments, Conditions, Translation
 
 _TEXT = """
@@ -45,17 +45,7 @@ class CFunction:
 
     def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
         """The function; its arithmetic is that of the closure, which the tests compile and compare."""
-        terms = impulse_terms(constants, self.name)
-        text = _TEXT.format(
-            e_n=constants.e_n, a=terms.a, b=terms.b, kappa=terms.kappa, j=constants.inertia_factor
-        )
-        return Translation(
-            lines=text.rstrip("\n").split("\n"),
-            law=LAW_WORDS,
-            mapping=[f"a, b and kappa = mu (1 + e_n) follow from the constants; {WALL_WORDS}."],
-            holds=EVERYWHERE,
-            response=lambda incidence: evaluated(constants, terms, incidence),
-        )
+        return wall_function(constants, self.name, _TEXT)
 
 
 EXPORTER = CFunction()

@@ -50,7 +50,9 @@ def test_the_block_says_where_it_comes_from(fit):
     said = unwrapped(fit.export("python"))
     mu = fit.constants.mu
     assert "Data: cornell-glass, 48 rows, provenance measured" in said
-    assert "Closure IFR, inertia factor J = 0.4, method exact." in said
+    assert "Closure IFR, inertia factor J = 0.4, method exact; sigma estimated from the scatter." in said
+    assert "Range of the data: 2.66 to 57.83 degrees, 1.151 to 1.295 m/s, without spin before;" in said
+    assert "LOOK" not in said
     assert f"mu = {mu.value:.10g}, sd {mu.stderr:.3g}" in said
     assert "; determined." in said
     assert "one_sided (lies on its bound -1)" in said
@@ -62,6 +64,31 @@ def test_a_stand_in_is_said_first():
     text = ifrfit.fit("cross-2019", fix={"e_n": 0.94}, method="lsq").export("python")
     assert text.index("STAND-IN data") < text.index("Data: cross-2019")
     assert "Quantiles of the distribution of method lsq" in text
+
+
+def test_what_does_not_stand_is_said():
+    """The limestone refutes one set of constants, and its constants leave with that."""
+    fit = ifrfit.fit("wang-2018-limestone", method="lsq")
+    said = unwrapped(fit.export("python"))
+    assert "LOOK: the data contradict one set of constants (p = 8e-10, smooth departure)" in said
+    assert "LOOK: e_n of 0.2 m is not one value" in said
+    assert said.index("LOOK") < said.index("e_n = 0.4843")
+
+
+def test_what_was_not_tested_is_said():
+    fit = ifrfit.fit("netl-glass-acrylic", method="lsq")
+    said = unwrapped(fit.export("json", fix={"e_t": -0.9}))
+    assert "LOOK: the fit is not tested: all rows are repeats of single values." in said
+    assert "Range of the data: no oblique impact; single values without an angle." in said
+
+
+def test_range_and_provenance_are_those_of_the_rows_used():
+    fit = ifrfit.fit("kharaz-2001", fix={"e_n": 0.98}, method="lsq", gamma_min=20.0)
+    said = unwrapped(fit.export("csv"))
+    assert "provenance digitised, selection:" in said  # simulated rows of the file are not used
+    assert f"Range of the data: {fit.points['gamma_deg'].min():.4g} to" in said
+    spins = ifrfit.fit("cross-2019", series=["spin 0.225"], fix={"e_n": 0.94}, method="lsq")
+    assert "spins R omega/u from 0 to 0.225" in unwrapped(spins.export("csv"))
 
 
 def test_draws_are_those_of_the_fit(fit):

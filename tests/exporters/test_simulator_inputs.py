@@ -148,3 +148,12 @@ def test_sliding_of_soft_spheres_is_coulombs():
     for target in SOFT:
         law = translated(target, given).response(at)
         np.testing.assert_allclose(law.v_x, given.rebound(at).v_x, atol=5e-3, err_msg=target)
+
+
+def test_a_law_that_depends_on_its_time_step_says_so():
+    """MFiX's dashpot is stronger than its slider as a contact begins, for little restitution along the wall."""
+    said = translated("mfix", constants(e_n=0.5, beta0=0.0, mu=0.3)).holds
+    change = numbers(r"The law itself depends on the time step: .* changes by up to (\S+)\.$", said)[0]
+    assert 1e-3 < change < 0.05
+    for target in ("lammps", "liggghts"):
+        assert "time step" not in translated(target, constants(e_n=0.5, beta0=0.0, mu=0.3)).holds
