@@ -208,7 +208,7 @@ def draw(runs: Sequence[Run]) -> None:
     for ax, name in zip(axes[0], names, strict=True):
         ax.set_title(name.partition(" (")[0], fontsize=9)
     for row, engine in zip(axes, engines, strict=True):
-        row[0].set_ylabel(engine, fontsize=8)
+        row[0].set_ylabel(f"{engine}\nbeta", fontsize=8)
     for ax in axes[-1]:
         ax.set_xlabel("incidence angle, degrees", fontsize=8)
     axes[0][0].legend(fontsize=7)

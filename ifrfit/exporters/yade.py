@@ -44,7 +44,7 @@ class Yade:
                 "from math import atan",
                 "",
                 "# tc: yours, seconds. A material each, for sphere and wall alike: YADE takes their mean.",
-                f"contact = dict(tc=1e-4, en={en:.10g}, et={et:.10g}, frictionAngle=atan({mu:.10g}))",
+                f"contact = dict(tc=1e-5, en={en:.10g}, et={et:.10g}, frictionAngle=atan({mu:.10g}))",
                 "sphereMaterial = O.materials.append(ViscElMat(density=2500, label='sphere', **contact))",
                 "wallMaterial = O.materials.append(ViscElMat(density=2500, label='wall', **contact))",
                 "# engines: Ip2_ViscElMat_ViscElMat_ViscElPhys() and Law2_ScGeom_ViscElPhys_Basic()",

@@ -15,13 +15,12 @@ from ifrfit.physics.closures import get_closure
 ANGLES = [5.0, 20.0, 45.0, 75.0]
 SPEED = 2.0
 # of velocities over the incoming speed. LAMMPS, OpenFOAM, PyBullet: their law in double precision, and its steps.
-# LIGGGHTS and YADE shorten the arm of friction by half of the overlap, which here is up to 0.023 and 0.007 of the
-# radius: of a reversal of up to 1.4 of u that changes v_x by as much times 2/7, rounded up. Drake's friction is
-# regularised below 1e-4 m/s, and its slip does not stop at 0 but at a share of that, larger in weak contacts.
+# LIGGGHTS and YADE shorten the arm of friction by half of the overlap, which here is up to 0.023 and 0.0007 of the
+# radius; v_x/u changes by less than half of that. Drake's friction is regularised below a slip of 1e-4 m/s.
 TOLERANCES = {
     "lammps": 1e-4,
     "liggghts": 0.01,
-    "yade": 0.005,
+    "yade": 1e-3,
     "openfoam": 1e-6,
     "pybullet": 1e-6,
     "drake": 3e-3,
@@ -45,10 +44,9 @@ def shot(target, approach=SPEED, changed=None):
     return simulator.shoot(lines, shots), found.response(shots.incidence)
 
 
-@pytest.mark.parametrize("target", list(TOLERANCES))
+# PyBullet and MuJoCo are themselves the law of their export
+@pytest.mark.parametrize("target", ["lammps", "liggghts", "yade", "openfoam", "drake"])
 def test_the_simulator_does_what_the_export_says(target):
-    if target == "pybullet":
-        pytest.skip("PyBullet is itself the law of its export: test_pybullet.py")
     found, law = shot(target)
     # of a normal velocity: the clamp of YADE's contact ends it within its step of a 2000th
     np.testing.assert_allclose(found.v_n, law.v_n, atol=1e-4)
