@@ -1,8 +1,8 @@
 """Exports read and run by the simulators that are here, beside the fitted curves: docs/simulators.
 
-``make simulators`` installs those of the Python index and calls this. One sphere is shot at a wall over angles,
-speeds and spins with the exported text as it is; the rebounds are read in the common schema (provenance
-simulated), fitted, and drawn.
+``make simulators`` installs those of the Python index and calls this. One sphere is shot at a wall over
+angles, speeds and spins with the exported text as it is; the rebounds are read in the common schema
+(provenance simulated), fitted, and drawn.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def worst(deviation: np.ndarray, shots: Shots) -> str:
 
 
 def deviations(run: Run) -> dict[str, str]:
-    """From the fitted curve: v_n/u_n at the asked speed and at all, v_x/u, R Omega/u; and from the stated law."""
+    """From the fitted curve: e_n at the asked speed and at all, v_x/u, spin; and from the stated law."""
     found, shots = run.found, run.found.shots
     fitted = run.constants.rebound(shots.incidence)
     asked = shots.approach == ASKED_SPEED
@@ -151,14 +151,14 @@ def table(runs: Sequence[Run]) -> str:
         asked = ", ".join(f"{name} {value:.3f}" for name, value in own[0].constants.values.items())
         text += (
             f"## {pair[0].upper()}{pair[1:]}\n\nExported: {asked}.\n\n"
-            "| code | e_n head-on | e_n at 2 m/s | e_n at all speeds | v_x/u | R Omega/u | from the stated law, at "
-            "2 m/s | fitted again | s |\n|---|---|---|---|---|---|---|---|---|\n"
+            "| code | e_n head-on | e_n at 2 m/s | e_n at all speeds | v_x/u | R Omega/u | from the stated "
+            "law, at 2 m/s | fitted again | s |\n|---|---|---|---|---|---|---|---|---|\n"
         )
         for run in own:
             said = deviations(run)
             cells = (
-                run.engine, said["head on"], said["asked"], said["all"], said["v_x"], said["spin"], said["law"],
-                fitted_again(run), f"{run.seconds:.1f}",
+                run.engine, said["head on"], said["asked"], said["all"], said["v_x"], said["spin"],
+                said["law"], fitted_again(run), f"{run.seconds:.1f}",
             )  # fmt: skip
             text += f"| {' | '.join(cells)} |\n"
         text += "\n"
@@ -188,14 +188,16 @@ def draw(runs: Sequence[Run]) -> None:
     names = list(dict.fromkeys(run.pair for run in runs))
     engines = list(dict.fromkeys(run.engine for run in runs if run.target != "openfoam"))
     size = (3.3 * len(names), 1.9 * len(engines))
-    figure, axes = plt.subplots(len(engines), len(names), figsize=size, sharex=True, sharey=True, squeeze=False)
+    figure, axes = plt.subplots(
+        len(engines), len(names), figsize=size, sharex=True, sharey=True, squeeze=False
+    )
     fine = np.linspace(1.0, 89.0, 400)
     for run in runs:
         if run.target == "openfoam":
             continue
         ax = axes[engines.index(run.engine)][names.index(run.pair)]
         shots = run.found.shots
-        for spin, colour, mark in zip(SPINS, ("#0072b2", "#000000", "#d55e00"), "v o ^".split(), strict=True):
+        for spin, colour, mark in zip(SPINS, ("#0072b2", "#000000", "#d55e00"), ["v", "o", "^"], strict=True):
             incidence = Incidence.of(fine, 0.0, spin, degrees=True)
             ax.plot(fine, run.constants.rebound(incidence).beta, "-", color=colour, linewidth=1.0)
             rows = (shots.spin == spin) & (shots.approach == ASKED_SPEED)
@@ -230,12 +232,13 @@ def main() -> None:
         text += time_steps(next(iter(given.values())))
     text += (
         "![beta against the angle: fitted curves and the codes' rebounds](beta.svg)\n\n"
-        f"Lines: the fitted curve. Marks: the codes' own rebounds at {ASKED_SPEED:g} m/s of approach.\n\n## Not run\n\n"
+        f"Lines: the fitted curve. Marks: the codes' own rebounds at {ASKED_SPEED:g} m/s of approach.\n\n## "
+        "Not run\n\n"
     )
     others = [name for name in EXPORTERS if name not in {*here, *ONLY_CONSTANTS}]
     text += "\n".join(
-        f"- {EXPORTERS[name].title}: not run ({WHY_NOT.get(name, 'not installed')}); checked against its documented "
-        "form."
+        f"- {EXPORTERS[name].title}: not run ({WHY_NOT.get(name, 'not installed')}); checked against its "
+        "documented form."
         for name in others
     )
     (FOLDER / "README.md").write_text(text + "\n", encoding="utf-8")

@@ -123,7 +123,9 @@ def _range(result: FitResult) -> list[str]:
     parts = [
         _between(angles, "degrees"),
         _between(speeds, "m/s") if len(speeds) else "speeds not stated",
-        f"spins R omega/u from {spins.min():.3g} to {spins.max():.3g}" if np.any(spins) else "without spin before",
+        f"spins R omega/u from {spins.min():.3g} to {spins.max():.3g}"
+        if np.any(spins)
+        else "without spin before",
     ]
     sample = " (of a random sample of the rows)" if result.is_sampled else ""
     return [f"Range of the data{sample}: {', '.join(parts)}; beyond it the constants are extrapolated."]
@@ -139,9 +141,7 @@ def _doubts(result: FitResult) -> list[str]:
     words = []
     for name, fact in result.facts.items():
         says = fact.says if result.command else in_python(fact.says)
-        if name == "lack_of_fit" and not fact.is_tested:
-            words.append(f"LOOK: {says.rstrip('.')}.")
-        elif not fact.ok and name not in _SAID_OF_CONSTANTS:
+        if (name == "lack_of_fit" and not fact.is_tested) or (not fact.ok and name not in _SAID_OF_CONSTANTS):
             words.append(f"LOOK: {says.rstrip('.')}.")
     return words
 

@@ -6,9 +6,9 @@ of this law loses the same share of its speed whatever stiffness and mass: with 
 
     w (1 + e) = ln((1 + w)/(1 - e w)),
 
-from the integral of v dv/(1 + d v) = -(k/m) x dx between approach and rebound, where x is 0. So d follows from
-e at one speed. A pair of two bodies with the same d has this d, with the same mu this mu, and of two like
-stiffnesses half.
+from the integral of v dv/(1 + d v) = -(k/m) x dx between approach and rebound, where x is 0. So d follows
+from e at one speed. A pair of two bodies with the same d has this d, with the same mu this mu, and of two
+like stiffnesses half.
 """
 
 from __future__ import annotations
@@ -52,9 +52,7 @@ class Drake:
 
         def response(incidence: Incidence) -> Response:
             # friction that at most stops the contact point is Brach's closure
-            after = rebound_of(
-                incidence, get_closure("f"), constants.e_n, 0.0, mu, constants.inertia_factor
-            )
+            after = rebound_of(incidence, get_closure("f"), constants.e_n, 0.0, mu, constants.inertia_factor)
             return Response(after.v_n, after.v_x, after.beta)
 
         return Translation(
@@ -67,18 +65,21 @@ class Drake:
                 f"  <drake:mu_static>{mu:.10g}</drake:mu_static>",
                 "</drake:proximity_properties>",
             ],
-            law="f = k x (1 + d v) along the normal (Hunt and Crossley), and Coulomb friction that at most stops "
-            "the contact point.",
+            law="f = k x (1 + d v) along the normal (Hunt and Crossley), and Coulomb friction that at most "
+            "stops the contact point.",
             mapping=[
-                f"hunt_crossley_dissipation d = {d:.6g} s/m gives e_n = {constants.e_n:.6g} at {speed:g} m/s, "
-                f"from the integral of the law; {slower:.4g} at half that normal speed, {faster:.4g} at twice.",
+                f"hunt_crossley_dissipation d = {d:.6g} s/m gives e_n = {constants.e_n:.6g} at {speed:g} "
+                "m/s, "
+                f"from the integral of the law; {slower:.4g} at half that normal speed, {faster:.4g} at "
+                "twice.",
                 f"mu_dynamic = mu_static = mu; there is no place for {constants.closure.constant or 'beta'}: "
                 "contacts that stick stop the contact point.",
-                "point_contact_stiffness is numerical: no rebound depends on it, but for the time step. A contact "
-                "lasts about pi sqrt(m/k), where k is half of the value here.",
+                "point_contact_stiffness is numerical: no rebound depends on it, but for the time step. A "
+                "contact lasts about pi sqrt(m/k), where k is half of the value here.",
             ],
-            holds=f"at the normal speed {speed:g} m/s, of a sphere of any mass and J as the fit has it, without "
-            "gravity, with contact_model point: for time_step 0, or one that is much shorter than a contact. A "
+            holds=f"at the normal speed {speed:g} m/s, of a sphere of any mass and J as the fit has it, "
+            "without gravity, with contact_model point: for time_step 0, or one that is much shorter than a "
+            "contact. A "
             "discrete one damps more, and the approximation sap does not read the dissipation: take lagged.",
             response=response,
         )

@@ -51,16 +51,19 @@ def evaluated(constants: ExportedConstants, terms: ImpulseTerms, incidence: Inci
 
 
 _WALL_WORDS = (
-    "a, b and kappa = mu (1 + e_n) follow from the constants; velocities in any unit, spins as R omega in the "
-    "same; u_n > 0 is the approach, x and y lie in the wall, positive spin_y is back-spin to a motion along x, "
-    "spin_x is minus the right-handed one."
+    "a, b and kappa = mu (1 + e_n) follow from the constants; velocities in any unit, spins as R omega in "
+    "the "
+    "same; u_n > 0 is the approach, x and y lie in the wall, positive spin_y is back-spin to a motion along "
+    "x, spin_x is minus the right-handed one."
 )
-_LAW_WORDS = "that of the closure, k = a + min(b, kappa U_n/|U_t|); the tangential impulse per mass is -k U_t."
+_LAW_WORDS = (
+    "that of the closure, k = a + min(b, kappa U_n/|U_t|); the tangential impulse per mass is -k U_t."
+)
 _EVERYWHERE = "at all angles, spins and speeds; outside those of the data it is an extrapolation."
 
 
 def wall_function(constants: ExportedConstants, target: str, template: str) -> Translation:
-    """A function of the closure in a language: its template filled in with the numbers, shortest to the last bit.
+    """A function of the closure in a language: its template filled in, numbers to the last bit.
 
     Raises
     ------
@@ -68,7 +71,13 @@ def wall_function(constants: ExportedConstants, target: str, template: str) -> T
         For a closure whose law is not bilinear.
     """
     terms = impulse_terms(constants, target)
-    numbers = {"e_n": constants.e_n, "a": terms.a, "b": terms.b, "kappa": terms.kappa, "j": constants.inertia_factor}
+    numbers = {
+        "e_n": constants.e_n,
+        "a": terms.a,
+        "b": terms.b,
+        "kappa": terms.kappa,
+        "j": constants.inertia_factor,
+    }
     return Translation(
         lines=template.format(**numbers).rstrip("\n").split("\n"),
         law=_LAW_WORDS,

@@ -76,9 +76,10 @@ class Liggghts:
                 f"stiffness ratios that poissonsRatio from 0 to 0.5 allows, {nu:.3g} comes closest to the "
                 "fitted curve in v_x/u; what remains is the residual below.",
                 "youngsModulus = 1e9 Pa is numerical, not fitted, and the most that the code takes without "
-                "hard_particles: it sets the duration of a contact and the overlap. Friction acts on an arm that "
-                "is shorter by half the overlap, which is not in the residual: with a softer sphere or a faster "
-                "impact keep the overlap below a hundredth of the radius.",
+                "hard_particles: it sets the duration of a contact and the overlap. Friction acts on an arm "
+                "that "
+                "is shorter by half the overlap, which is not in the residual: with a softer sphere or a "
+                "faster impact keep the overlap below a hundredth of the radius.",
             ],
             holds="that the pair is one of sphere and wall; pairs of spheres are given the same constants.",
         )

@@ -111,9 +111,7 @@ def oblique_words(response: Callable[[Incidence], Response]) -> str:
     where = f"in oblique impacts without spin, from {ANGLES[0]:g} to {ANGLES[-1]:g} degrees,"
     if back[high] - back[low] < 1e-4:
         return f"{where} {back[low]:.4g}"
-    return (
-        f"{where} {back[low]:.4g} ({ANGLES[low]:g} degrees) to {back[high]:.4g} ({ANGLES[high]:g} degrees)"
-    )
+    return f"{where} {back[low]:.4g} ({ANGLES[low]:g} degrees) to {back[high]:.4g} ({ANGLES[high]:g} degrees)"
 
 
 def _engine() -> Any:

@@ -2,8 +2,8 @@
 
 Bullet multiplies restitution and friction of two bodies, so the wall has 1. With its default ``contactERP``
 the correction of the overlap adds to the rebound, by a share that depends on when within a time step the
-contact begins; without it the given restitution comes back. Bullet cuts spins at a quarter turn a time step, so
-the sphere that is shot is large. PyBullet is run to say what came back.
+contact begins; without it the given restitution comes back. Bullet cuts spins at a quarter turn a time step,
+so the sphere that is shot is large. PyBullet is run to say what came back.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class PyBullet:
                 "contactERP = 0 keeps the correction of overlaps out of the rebound; what rests may sink.",
             ],
             holds=f"at the normal speed {speed:g} m/s and the time step {_TIME_STEP:.4g} s, without gravity; "
-            f"angles as the residual says. Bullet cuts spins above pi/2 a time step, {_MOST_SPIN:.0f} rad/s: a small "
-            "or fast sphere needs a shorter one.",
+            f"angles as the residual says. Bullet cuts spins above pi/2 a time step, {_MOST_SPIN:.0f} "
+            "rad/s: a small or fast sphere needs a shorter one.",
             response=response,
             how="run",
             ran=f"PyBullet, interface {engine.getAPIVersion()}",

@@ -115,8 +115,8 @@ def _time_step_words(contact: SpringDashpot, inertia_factor: float) -> str:
     if change < 1e-3:
         return ""
     return (
-        f" The law itself depends on the time step: with {steps[0]} or {steps[1]} of a contact v_x/u changes by up "
-        f"to {change:.2g}."
+        f" The law itself depends on the time step: with {steps[0]} or {steps[1]} of a contact v_x/u "
+        f"changes by up to {change:.2g}."
     )
 
 

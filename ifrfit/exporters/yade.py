@@ -58,9 +58,10 @@ class Yade:
                 f"et = {et:.6g}, above 0 and at most 1, comes closest to the fitted curve in v_x/u; the "
                 "slip is "
                 "reversed, as by a positive beta of ifrfit.",
-                "frictionAngle = atan(mu); tc and density are numerical. Friction acts on an arm that is shorter "
-                "by half the overlap (u_n tc/pi at most), which is not in the residual: take tc so short that the "
-                "overlap stays below a hundredth of the radius.",
+                "frictionAngle = atan(mu); tc and density are numerical. Friction acts on an arm that is "
+                "shorter "
+                "by half the overlap (u_n tc/pi at most), which is not in the residual: take tc so short "
+                "that the overlap stays below a hundredth of the radius.",
             ],
             holds="that one body is a wall of mass 0.",
         )

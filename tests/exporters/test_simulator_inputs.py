@@ -151,7 +151,7 @@ def test_sliding_of_soft_spheres_is_coulombs():
 
 
 def test_a_law_that_depends_on_its_time_step_says_so():
-    """MFiX's dashpot is stronger than its slider as a contact begins, for little restitution along the wall."""
+    """MFiX's dashpot is stronger than its slider as a contact begins, where et is small."""
     said = translated("mfix", constants(e_n=0.5, beta0=0.0, mu=0.3)).holds
     change = numbers(r"The law itself depends on the time step: .* changes by up to (\S+)\.$", said)[0]
     assert 1e-3 < change < 0.05

@@ -14,9 +14,10 @@ from ifrfit.physics.closures import get_closure
 
 ANGLES = [5.0, 20.0, 45.0, 75.0]
 SPEED = 2.0
-# of velocities over the incoming speed. LAMMPS, OpenFOAM, PyBullet: their law in double precision, and its steps.
-# LIGGGHTS and YADE shorten the arm of friction by half of the overlap, which here is up to 0.023 and 0.0007 of the
-# radius; v_x/u changes by less than half of that. Drake's friction is regularised below a slip of 1e-4 m/s.
+# of velocities over the incoming speed. LAMMPS, OpenFOAM, PyBullet: their law in double precision, and
+# its steps. LIGGGHTS and YADE shorten the arm of friction by half of the overlap, which here is up to
+# 0.023 and 0.0007 of the radius; v_x/u changes by less than half of that. Drake's friction is
+# regularised below 1e-4 m/s.
 TOLERANCES = {
     "lammps": 1e-4,
     "liggghts": 0.01,

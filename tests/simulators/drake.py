@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from importlib.metadata import version as version_of
 
 import numpy as np
-
-from simulators.shots import GAP, RADIUS, Rebounds, Shots
+from simulators.shots import RADIUS, Rebounds, Shots
 
 _MASS, _STIFFNESS = 0.01, 1e6  # kg; N/m of the pair: the export gives each body twice that
 DURATION = math.pi * math.sqrt(_MASS / _STIFFNESS)  # of an elastic contact, s
@@ -19,7 +18,8 @@ _WALL = """<static>true</static><link name="body"><collision name="c">
 <geometry><plane><normal>0 0 1</normal></plane></geometry>{lines}</collision></link>"""
 _SPHERE = """<link name="body"><inertial><mass>{mass}</mass>
 <inertia><ixx>{inertia}</ixx><iyy>{inertia}</iyy><izz>{inertia}</izz></inertia></inertial>
-<collision name="c"><geometry><sphere><radius>{radius}</radius></sphere></geometry>{lines}</collision></link>"""
+<collision name="c"><geometry><sphere><radius>{radius}</radius></sphere></geometry>{lines}
+</collision></link>"""
 
 
 def version() -> str:
@@ -43,8 +43,7 @@ def shoot(lines: Sequence[str], shots: Shots, *, time_step: float = 0.0) -> Rebo
         ),
     )
     rows = [
-        _one(models, time_step, *row)
-        for row in zip(shots.along, shots.approach, shots.omega, strict=True)
+        _one(models, time_step, *row) for row in zip(shots.along, shots.approach, shots.omega, strict=True)
     ]
     return shots.rebounds(*np.array(rows).T)
 

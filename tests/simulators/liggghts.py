@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
 from simulators.shots import DENSITY, GAP, RADIUS, Rebounds, Shots
 
 
@@ -39,7 +38,10 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
             "create_box 2 box",
             *(f"create_atoms 1 single 0 {GAP * i} {RADIUS * 1.00001} units box" for i in range(n)),
             f"set group all diameter {2 * RADIUS} density {DENSITY}",
-            *(f"set atom {i} vx {x:.15g} vz {-z:.15g} omegay {w:.15g}" for i, (x, z, w) in enumerate(rows, 1)),
+            *(
+                f"set atom {i} vx {x:.15g} vz {-z:.15g} omegay {w:.15g}"
+                for i, (x, z, w) in enumerate(rows, 1)
+            ),
             *lines,
             "neighbor 0.01 bin",
             "neigh_modify delay 0",

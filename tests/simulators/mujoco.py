@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-
 from simulators.shots import RADIUS, Rebounds, Shots
 
 _MODEL = """<mujoco><option gravity="0 0 0" {option}/><worldbody>

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
 from simulators.shots import DENSITY, RADIUS, Rebounds, Shots
 
 _SOLVER = "icoUncoupledKinematicParcelFoam"
@@ -95,9 +94,7 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
         f"(0 {0.1 * i - 40.0:.6g} {_START}) ({x:.15g} 0 -1) {2.0 * RADIUS} {DENSITY} 1"
         for i, x in enumerate(shots.along * scale)
     )
-    cloud = _CLOUD.format(
-        density=DENSITY, lines="\n".join(lines), short=0.5 * _STEP, rate=1.001 / _STEP
-    )
+    cloud = _CLOUD.format(density=DENSITY, lines="\n".join(lines), short=0.5 * _STEP, rate=1.001 / _STEP)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in {
             **_FILES, "constant/kinematicCloudProperties": cloud, "constant/parcels": f"(\n{rows}\n)"

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from importlib.metadata import version as version_of
 
 import numpy as np
-
 from simulators.shots import RADIUS, Rebounds, Shots
 
 _TIME_STEP = 1.0 / 240.0  # s, Bullet's default
@@ -42,7 +41,7 @@ def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple
         shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=_RADIUS)
         height = _RADIUS + _BEFORE * down * _TIME_STEP
         sphere = pybullet.createMultiBody(0.3, shape, basePosition=[0.0, 0.0, height])
-        exec("\n".join(lines), {"pybullet": pybullet, "wall": wall, "sphere": sphere})  # noqa: S102
+        exec("\n".join(lines), {"pybullet": pybullet, "wall": wall, "sphere": sphere})
         pybullet.resetBaseVelocity(sphere, [along, 0.0, -down], [0.0, omega, 0.0])
         for _ in range(60):
             pybullet.stepSimulation()

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
 from simulators.shots import GAP, RADIUS, Rebounds, Shots
 
 _SCRIPT = """

@@ -83,7 +83,9 @@ def distribution_of(state: State) -> Draws | TruncatedGaussian:
             scale = float(loading[place])
             low, high = scale * float(state.lower[place]), scale * float(state.upper[place])
             center = float(value[0])
-            if _on_bound(state, place):  # elsewhere it is the optimum; the common centre is that of no marginal
+            if _on_bound(
+                state, place
+            ):  # elsewhere it is the optimum; the common centre is that of no marginal
                 center += scale * float(state.center[place] - state.point[place])
             marginals[name] = TruncatedNormal(float(value[0]), center, sd, low, high)
     return TruncatedGaussian(marginals, loadings, state)
