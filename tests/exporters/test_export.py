@@ -139,6 +139,24 @@ def test_a_named_value_is_a_number_in_its_domain(open_fit, value):
         open_fit.export("csv", fix={"mu": value})
 
 
+def test_a_named_value_does_not_contradict_the_data(open_fit, tmp_path):
+    """Impacts that stick say that mu is no less than something."""
+    low = open_fit.constants.mu.interval95[0]
+    with refused(UsageError, rf"^--fix mu=0\.01: the data leave mu from {low:.3g} to inf \(95 %\)\. Name a"):
+        open_fit.export("csv", fix={"mu": 0.01})
+    fixed = ifrfit.fit("cross-2019", fix={"e_n": 0.94}, method="lsq")
+    with refused(UsageError, r"^--fix e_n=0\.5: the fit has e_n = 0\.94 \(fixed\)\. An export does not replace"):
+        fixed.export("csv", fix={"e_n": 0.5})
+    # sliding alone: the data know mu (1 + e_n), and neither of the two
+    path = tmp_path / "slide.csv"
+    path.write_text("gamma_deg,beta_cm,sigma_beta_cm\n60,-0.88,0.005\n70,-0.925,0.005\n80,-0.963,0.005\n")
+    sliding = ifrfit.fit(path, closure="f")
+    low, high = sliding.derived["kappa"].interval95
+    with refused(UsageError, rf"kappa = mu \(1 \+ e_n\) from {low:.3g} to {high:.3g} \(95 %\), and .* 0\.228: with"):
+        sliding.export("csv", fix={"e_n": 0.9, "mu": 0.12})
+    assert json.loads(sliding.export("json", fix={"e_n": 0.9, "mu": 0.105}))["constants"]["mu"] == 0.105
+
+
 def test_separate_constants_need_their_series():
     fit = ifrfit.fit(
         "cross-2019", series=["no spin", "spin 0.225"], separate=["mu"], fix={"e_n": 0.94}, method="lsq"
