@@ -17,7 +17,7 @@ from ifrfit.exporters.protocol import Comments, Exporter, Translation
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, by_entry
+from ifrfit.inference.result.types import Estimate, by_entry, is_quiet
 from ifrfit.option_words import in_python
 from ifrfit.physics.angles import Incidence
 from ifrfit.text import joined
@@ -33,8 +33,6 @@ _NOISE = {
     "unknown": "sigma estimated from the scatter",
     "mixed": "sigma as given, and estimated where it is not",
 }
-# what the status of a constant says already
-_SAID_OF_CONSTANTS = frozenset({"at_bound", "identifiable"})
 MARK = "Exported by ifrfit"  # in the first lines of every export: what may be replaced
 
 
@@ -97,6 +95,8 @@ def _source(result: FitResult) -> list[str]:
             f"{selection}, SHA-256 {source.sha256[:16]}."
         )
     words.append(f"Fit: {result.command or 'in Python'} ({result.created}).")
+    if result.assumed:
+        words.append(f"Assumed: {'; '.join(result.assumed)}.")
     words += [f"Warning of the fit: {text}" for text in result.warnings]
     return words
 
@@ -122,7 +122,9 @@ def _range(result: FitResult) -> list[str]:
     spins = points[["spin_x", "spin_y"]].fillna(0.0).to_numpy()
     parts = [
         _between(angles, "degrees"),
-        _between(speeds, "m/s") if len(speeds) else "speeds not stated",
+        _between(speeds, "m/s") + _unstated(len(points) - len(speeds))
+        if len(speeds)
+        else "speeds not stated",
         f"spins R omega/u from {spins.min():.3g} to {spins.max():.3g}"
         if np.any(spins)
         else "without spin before",
@@ -136,12 +138,16 @@ def _between(values: pd.Series, unit: str) -> str:
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
 
 
+def _unstated(rows: int) -> str:
+    return f" (not stated in {rows} rows)" if rows else ""
+
+
 def _doubts(result: FitResult) -> list[str]:
     """Facts that do not stand, and that nothing was tested where so."""
     words = []
     for name, fact in result.facts.items():
         says = fact.says if result.command else in_python(fact.says)
-        if (name == "lack_of_fit" and not fact.is_tested) or (not fact.ok and name not in _SAID_OF_CONSTANTS):
+        if (name == "lack_of_fit" and not fact.is_tested) or (not fact.ok and not is_quiet(name, fact)):
             words.append(f"LOOK: {says.rstrip('.')}.")
     return words
 

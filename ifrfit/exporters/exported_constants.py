@@ -122,14 +122,14 @@ def _check_named(name: str, value: float, found: Estimate) -> None:
     """Refuse a value of the user's that the fit contradicts."""
     if found.value is not None:
         raise UsageError(
-            f"--fix {name}={value:g}: the fit has {name} = {found.value:g} ({found.status}). An export does not "
-            "replace what a fit has: fit again with it, or leave it out."
+            f"--fix {name}={value:g}: the fit has {name} = {found.value:g} ({found.status}). An export does "
+            "not replace what a fit has: fit again with it, or leave it out."
         )
     low, high = found.interval95
     if value < low or value > high:
         raise UsageError(
-            f"--fix {name}={value:g}: the data leave {name} from {low:.3g} to {high:.3g} (95 %). Name a value "
-            "within that, or fit again with yours."
+            f"--fix {name}={value:g}: the data leave {name} from {low:.3g} to {high:.3g} (95 %). Name a "
+            "value within that, or fit again with yours."
         )
 
 
@@ -143,8 +143,9 @@ def _check_kappa(result: FitResult, values: Mapping[str, float], series: str | N
     e_n, given = values["e_n"], values["mu"] * (1.0 + values["e_n"])
     if given < low or given > high:
         raise UsageError(
-            f"The data leave kappa = mu (1 + e_n) from {low:.3g} to {high:.3g} (95 %), and the values named give "
-            f"{given:.3g}: with e_n = {e_n:g} name a mu from {low / (1.0 + e_n):.3g} to {high / (1.0 + e_n):.3g}."
+            f"The data leave kappa = mu (1 + e_n) from {low:.3g} to {high:.3g} (95 %), and the values named "
+            f"give {given:.3g}: with e_n = {e_n:g} name a mu from {low / (1.0 + e_n):.3g} to "
+            f"{high / (1.0 + e_n):.3g}."
         )
 
 

@@ -27,7 +27,7 @@ _STEPS_OF_CONTACT = 100
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of a time step at which a contact may begin
 # of the friction, per time step: more stops the slip sooner and takes more of the normal velocity with it
 _SLIP_DAMPING = 0.05
-_RADIUS = 0.05  # m
+_RADIUS_OVER_OVERLAP = 50.0
 _LEAST = 1e-6  # of critical damping
 CLOSE = 0.01  # relative, of e_n
 ANGLES = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
@@ -94,13 +94,20 @@ class MuJoCo:
                 "geom1 and geom2 are yours to name; solreffriction stops the slip within the contact, where "
                 "friction can, and takes some of the normal velocity with it in oblique impacts.",
             ],
-            holds=f"at the time step {TIME_STEP:g} s and the normal speed {speed:g} m/s, of a sphere of any "
-            "mass without gravity; angles as the residual says.",
+            holds=f"at the time step {TIME_STEP:g} s and the normal speed {speed:g} m/s, without gravity, "
+            "of a "
+            f"sphere of any mass whose radius is well above the overlap, up to {_overlap(speed):.2g} m; "
+            "angles as the residual says.",
             response=response,
             how="run",
             ran=f"MuJoCo {engine.__version__}",
             angles=ANGLES,
         )
+
+
+def _overlap(speed: float) -> float:
+    """Deepest overlap of a contact without loss, m."""
+    return speed * _STEPS_OF_CONTACT * TIME_STEP / math.pi
 
 
 def oblique_words(response: Callable[[Incidence], Response]) -> str:
@@ -149,19 +156,20 @@ def shoot(
     phase : float
         Share of a time step until the contact begins.
     """
-    text = _MODEL.format(step=TIME_STEP, contact=contact, radius=_RADIUS)
+    radius = _RADIUS_OVER_OVERLAP * _overlap(down)
+    text = _MODEL.format(step=TIME_STEP, contact=contact, radius=radius)
     model = engine.MjModel.from_xml_string(text)
     data = engine.MjData(model)
-    data.qpos[2] = _RADIUS + phase * down * TIME_STEP
+    data.qpos[2] = radius + phase * down * TIME_STEP
     data.qvel[:3] = along, 0.0, -down
     for _ in range(50 * _STEPS_OF_CONTACT):
         engine.mj_step(model, data)
-        if data.qpos[2] > _RADIUS and data.qvel[2] > 0.0:
+        if data.qpos[2] > radius and data.qvel[2] > 0.0:
             break
     # of the freejoint's velocities the last three are the spin, in the frame of the body
     spin = np.zeros(3)
     engine.mju_rotVecQuat(spin, data.qvel[3:6], data.qpos[3:7])
-    return float(data.qvel[0]), float(data.qvel[2]), float(data.qvel[0] - _RADIUS * spin[1])
+    return float(data.qvel[0]), float(data.qvel[2]), float(data.qvel[0] - radius * spin[1])
 
 
 def _damping(

@@ -2,13 +2,13 @@
 
 Bullet multiplies restitution and friction of two bodies, so the wall has 1. With its default ``contactERP``
 the correction of the overlap adds to the rebound, by a share that depends on when within a time step the
-contact begins; without it the given restitution comes back. Bullet cuts spins at a quarter turn a time step,
-so the sphere that is shot is large. PyBullet is run to say what came back.
+contact begins; without it the given restitution comes back. By default PyBullet cuts each component of
+velocity and spin at 100 m/s or rad/s, which ``maxJointVelocity`` lifts. PyBullet is run to say what came
+back.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +22,8 @@ from ifrfit.exporters.soft_sphere import only_solid_sphere
 from ifrfit.physics.angles import Incidence
 
 _TIME_STEP = 1.0 / 240.0  # s, Bullet's default
-_RADIUS_OVER_SPEED = 0.1  # s: no spin comes near the one at which Bullet cuts
-_MOST_SPIN = 0.5 * math.pi / _TIME_STEP  # rad/s, Bullet's limit on a turn within a time step
+_RADIUS = 0.05  # m
+_MOST_VELOCITY = 1e6  # m/s and rad/s, numerical
 _STEPS_BEFORE = 20
 _ENGINE = {"contactERP": 0.0, "frictionERP": 0.0, "restitutionVelocityThreshold": 0.0}
 
@@ -62,7 +62,7 @@ class PyBullet:
                 "pybullet.changeDynamics(wall, -1, restitution=1.0, lateralFriction=1.0)",
                 f"pybullet.changeDynamics(sphere, -1, restitution={constants.e_n:.10g}, "
                 f"lateralFriction={constants.mu:.10g}, linearDamping=0, angularDamping=0, "
-                "contactProcessingThreshold=0)",
+                f"contactProcessingThreshold=0, maxJointVelocity={_MOST_VELOCITY:g})",
             ],
             law="v_n = -restitution u_n, and Coulomb friction that at most stops the contact point.",
             mapping=[
@@ -71,11 +71,11 @@ class PyBullet:
                 f"{oblique_words(response)}.",
                 f"lateralFriction = mu; there is no place for {constants.closure.constant or 'beta'}: "
                 "contacts that stick stop the contact point.",
-                "contactERP = 0 keeps the correction of overlaps out of the rebound; what rests may sink.",
+                "contactERP = 0 keeps the correction of overlaps out of the rebound; what rests may sink. "
+                "maxJointVelocity: without it PyBullet cuts velocities and spins at 100 m/s and rad/s.",
             ],
             holds=f"at the normal speed {speed:g} m/s and the time step {_TIME_STEP:.4g} s, without gravity; "
-            f"angles as the residual says. Bullet cuts spins above pi/2 a time step, {_MOST_SPIN:.0f} "
-            "rad/s: a small or fast sphere needs a shorter one.",
+            "angles as the residual says.",
             response=response,
             how="run",
             ran=f"PyBullet, interface {engine.getAPIVersion()}",
@@ -109,15 +109,14 @@ def shoot(
     phase : float
         Share of a time step until the contact begins.
     """
-    radius = _RADIUS_OVER_SPEED * down
     world = engine.connect(engine.DIRECT)
     on = {"physicsClientId": world}
     try:
         engine.setTimeStep(_TIME_STEP, **on)
         engine.setPhysicsEngineParameter(**_ENGINE, **on)
         wall = engine.createMultiBody(0, engine.createCollisionShape(engine.GEOM_PLANE, **on), **on)
-        shape = engine.createCollisionShape(engine.GEOM_SPHERE, radius=radius, **on)
-        height = radius + (_STEPS_BEFORE + phase) * down * _TIME_STEP
+        shape = engine.createCollisionShape(engine.GEOM_SPHERE, radius=_RADIUS, **on)
+        height = _RADIUS + (_STEPS_BEFORE + phase) * down * _TIME_STEP
         sphere = engine.createMultiBody(1.0, shape, basePosition=[0.0, 0.0, height], **on)
         engine.changeDynamics(wall, -1, restitution=1.0, lateralFriction=1.0, **on)
         engine.changeDynamics(
@@ -128,6 +127,7 @@ def shoot(
             linearDamping=0,
             angularDamping=0,
             contactProcessingThreshold=0,
+            maxJointVelocity=_MOST_VELOCITY,
             **on,
         )
         engine.resetBaseVelocity(sphere, [along, 0.0, -down], [0.0, 0.0, 0.0], **on)
@@ -138,7 +138,7 @@ def shoot(
                 break
     finally:
         engine.disconnect(**on)
-    return float(velocity[0]), float(velocity[2]), float(velocity[0] - radius * spin[1])
+    return float(velocity[0]), float(velocity[2]), float(velocity[0] - _RADIUS * spin[1])
 
 
 EXPORTER = PyBullet()

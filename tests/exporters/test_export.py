@@ -75,6 +75,13 @@ def test_what_does_not_stand_is_said():
     assert said.index("LOOK") < said.index("e_n = 0.4843")
 
 
+def test_a_proof_that_is_missing_is_no_doubt():
+    """No bound is known for closure MAW: a note on the terminal, and nothing in an export."""
+    fit = ifrfit.fit("cornell-glass", closure="maw", method="lsq")
+    assert not fit.facts["global_optimum"].ok
+    assert "not proven" not in unwrapped(fit.export("csv"))
+
+
 def test_what_was_not_tested_is_said():
     fit = ifrfit.fit("netl-glass-acrylic", method="lsq")
     said = unwrapped(fit.export("json", fix={"e_t": -0.9}))
@@ -145,14 +152,18 @@ def test_a_named_value_does_not_contradict_the_data(open_fit, tmp_path):
     with refused(UsageError, rf"^--fix mu=0\.01: the data leave mu from {low:.3g} to inf \(95 %\)\. Name a"):
         open_fit.export("csv", fix={"mu": 0.01})
     fixed = ifrfit.fit("cross-2019", fix={"e_n": 0.94}, method="lsq")
-    with refused(UsageError, r"^--fix e_n=0\.5: the fit has e_n = 0\.94 \(fixed\)\. An export does not replace"):
+    with refused(
+        UsageError, r"^--fix e_n=0\.5: the fit has e_n = 0\.94 \(fixed\)\. An export does not replace"
+    ):
         fixed.export("csv", fix={"e_n": 0.5})
     # sliding alone: the data know mu (1 + e_n), and neither of the two
     path = tmp_path / "slide.csv"
     path.write_text("gamma_deg,beta_cm,sigma_beta_cm\n60,-0.88,0.005\n70,-0.925,0.005\n80,-0.963,0.005\n")
     sliding = ifrfit.fit(path, closure="f")
     low, high = sliding.derived["kappa"].interval95
-    with refused(UsageError, rf"kappa = mu \(1 \+ e_n\) from {low:.3g} to {high:.3g} \(95 %\), and .* 0\.228: with"):
+    with refused(
+        UsageError, rf"kappa = mu \(1 \+ e_n\) from {low:.3g} to {high:.3g} \(95 %\), and .* 0\.228: with"
+    ):
         sliding.export("csv", fix={"e_n": 0.9, "mu": 0.12})
     assert json.loads(sliding.export("json", fix={"e_n": 0.9, "mu": 0.105}))["constants"]["mu"] == 0.105
 

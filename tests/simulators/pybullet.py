@@ -10,8 +10,6 @@ from simulators.shots import RADIUS, Rebounds, Shots
 
 _TIME_STEP = 1.0 / 240.0  # s, Bullet's default
 _BEFORE = 20.4  # time steps
-# m: Bullet cuts spins above pi/2 a time step, 377 rad/s, so the sphere is one that stays below
-_RADIUS = 1.0
 
 
 def version() -> str:
@@ -25,10 +23,8 @@ def version() -> str:
 
 def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     """One after the other, a world each."""
-    spins = shots.omega * RADIUS / _RADIUS
-    rows = [_one(lines, *row) for row in zip(shots.along, shots.approach, spins, strict=True)]
-    v_x, v_z, omega = np.array(rows).T
-    return shots.rebounds(v_x, v_z, omega * _RADIUS / RADIUS)
+    rows = [_one(lines, *row) for row in zip(shots.along, shots.approach, shots.omega, strict=True)]
+    return shots.rebounds(*np.array(rows).T)
 
 
 def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple[float, float, float]:
@@ -38,8 +34,8 @@ def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple
     try:
         pybullet.setTimeStep(_TIME_STEP)
         wall = pybullet.createMultiBody(0, pybullet.createCollisionShape(pybullet.GEOM_PLANE))
-        shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=_RADIUS)
-        height = _RADIUS + _BEFORE * down * _TIME_STEP
+        shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=RADIUS)
+        height = RADIUS + _BEFORE * down * _TIME_STEP
         sphere = pybullet.createMultiBody(0.3, shape, basePosition=[0.0, 0.0, height])
         exec("\n".join(lines), {"pybullet": pybullet, "wall": wall, "sphere": sphere})
         pybullet.resetBaseVelocity(sphere, [along, 0.0, -down], [0.0, omega, 0.0])
