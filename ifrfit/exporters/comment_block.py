@@ -13,7 +13,7 @@ from ifrfit._version import __version__
 from ifrfit.data.observations import Source
 from ifrfit.data.schema import STAND_IN
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.protocol import Comments, Exporter, Translation
+from ifrfit.exporters.protocol import IN_XML, Comments, Exporter, Translation
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
@@ -240,6 +240,9 @@ def commented(lines: Sequence[str], target: Exporter) -> list[str]:
 
 def _inside(line: str, signs: Comments) -> str:
     """A line that neither ends the comment nor is continued by the next one."""
-    if signs.closing:
-        line = line.replace("*/", "* /").replace("--", "- -")
+    if signs is IN_XML:
+        line = line.replace("--", "- -")  # two hyphens are not allowed in its comments
+    elif signs.closing:
+        for mark in (signs.opening.strip(), signs.closing.strip()):  # compilers warn of the former
+            line = line.replace(mark, " ".join(mark))
     return f"{line} ." if line.endswith(("&", "\\")) else line

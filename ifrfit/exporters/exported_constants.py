@@ -113,9 +113,21 @@ def exported_constants(
             f"--fix {name}: closure {closure.title} has no such constant. It has "
             f"{joined(closure.constants)}.{meant(name, closure.constants)}"
         )
+    _check_series(result, found, series)
     if fix:
         _check_kappa(result, values, series)
     return ExportedConstants(closure, result.inertia_factor, values)
+
+
+def _check_series(result: FitResult, found: Mapping[str, object], series: str | None) -> None:
+    """Refuse an unknown series also where all share the constants."""
+    if series is None or result.points.empty or any(split_name(entry)[1] for entry in found):
+        return
+    there = [str(name) for name in result.points["series"].unique()]
+    if series not in there:
+        raise UsageError(
+            f"--series {series}: the fit has no such series, and one set of constants for all: {joined(there)}."
+        )
 
 
 def _check_named(name: str, value: float, found: Estimate) -> None:

@@ -183,6 +183,12 @@ def test_separate_constants_need_their_series():
     assert len(set(content["draws"]["mu"])) == 3
 
 
+def test_a_series_that_is_not_there_is_refused_where_all_share_the_constants(fit):
+    with refused(UsageError, r"^--series x: the fit has no such series, and one set of constants for all: glass\."):
+        fit.export("csv", series="x")
+    assert fit.export("csv", series="glass") == fit.export("csv")
+
+
 def test_the_command_writes_what_python_does(fit, saved, tmp_path):
     again = ifrfit.load_result(saved)
     for target in ("python", "c", "json", "csv"):
@@ -257,8 +263,9 @@ def test_text_of_the_fit_cannot_end_the_comment(fit, target):
         return
     signs = EXPORTERS[target].comments
     if signs.closing:
-        assert (found.count("*/"), found.count("-->")) == (plain.count("*/"), plain.count("-->"))
-        assert "* / system(1); - -> run 0 - - x y.csv" in unwrapped(found)
+        assert found.count(signs.closing.strip()) == plain.count(signs.closing.strip())
+        said = {"*/": "* / system(1); --> run 0 -- x y.csv", "-->": "*/ system(1); - -> run 0 - - x y.csv"}
+        assert said[signs.closing.strip()] in unwrapped(found)
         return
     # but for its own lines of comments it is the same text
     left, right = ([line for line in text.splitlines() if not line.startswith(signs.line.strip())]
