@@ -126,7 +126,8 @@ def _check_series(result: FitResult, found: Mapping[str, object], series: str | 
     there = [str(name) for name in result.points["series"].unique()]
     if series not in there:
         raise UsageError(
-            f"--series {series}: the fit has no such series, and one set of constants for all: {joined(there)}."
+            f"--series {series}: the fit has no such series, and one set of constants for all: "
+            f"{joined(there)}."
         )
 
 

@@ -49,7 +49,7 @@ def test_what_comes_back_is_the_fitted_restitution(e_n, speed):
 
 @pytest.mark.parametrize("speed", [0.5, 3.0, 100.0])
 def test_it_is_closure_f(speed):
-    """Friction that at most stops the contact point is Brach's closure, also beyond PyBullet's usual limit."""
+    """Friction that at most stops the contact point is Brach's closure, also beyond PyBullet's limit."""
     pytest.importorskip("pybullet")
     at = Incidence.of([5.0, 20.0, 50.0, 80.0], degrees=True)
     found, fitted = translated(speed).response(at), constants().rebound(at)
