@@ -112,7 +112,7 @@ def fitted_again(run: Run) -> str:
 
 def worst(deviation: np.ndarray, shots: Shots) -> str:
     """The largest deviation, and where."""
-    at = int(np.argmax(np.abs(deviation)))
+    at = int(np.argmax(np.round(np.abs(deviation), 4)))  # of equal ones the first
     if abs(deviation[at]) < 5e-5:
         return "below 0.0001"
     spin = f", spin {shots.spin[at]:+g}" if shots.spin[at] else ""

@@ -92,7 +92,7 @@ def _source(result: FitResult) -> list[str]:
         selection = f", selection: {source.selection}" if source.selection else ""
         words.append(
             f"Data: {source.name}, {source.rows_used} rows, provenance {_provenance(result, source)}"
-            f"{selection}, SHA-256 {source.sha256[:16]}."
+            f"{selection}{_fingerprint(source)}."
         )
     words.append(f"Fit: {result.command or 'in Python'} ({result.created}).")
     if result.assumed:
@@ -108,6 +108,11 @@ def _provenance(result: FitResult, source: Source) -> str:
         return source.provenance or "not given"
     own = points.loc[points["source"] == source.name, "provenance"].fillna("")
     return joined([name for name in own.unique() if name]) or source.provenance or "not given"
+
+
+def _fingerprint(source: Source) -> str:
+    """None of a folder that was read some rows at a time."""
+    return f", SHA-256 {source.sha256[:16]}" if source.sha256 else ""
 
 
 def _range(result: FitResult) -> list[str]:
@@ -203,6 +208,8 @@ def _largest(name: str, deviation: Array, angles: Array) -> str:
     rms = float(np.sqrt(np.mean(deviation**2)))
     if abs(deviation[at]) < 1e-12:
         return f"{name} within 1e-12"
+    if abs(deviation[at]) < 1e-9:  # of a search
+        return f"{name} within 1e-9"
     return f"{name} off by {deviation[at]:+.3g} at worst ({angles[at]:g} degrees), {rms:.2g} rms"
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import in_this_process
-from factories import impacts_file
+from factories import impacts_file, table_file
 from refusals import refused
 
 import ifrfit
@@ -96,6 +96,18 @@ def test_range_and_provenance_are_those_of_the_rows_used():
     assert f"Range of the data: {fit.points['gamma_deg'].min():.4g} to" in said
     spins = ifrfit.fit("cross-2019", series=["spin 0.225"], fix={"e_n": 0.94}, method="lsq")
     assert "spins R omega/u from 0 to 0.225" in unwrapped(spins.export("csv"))
+
+
+def test_rows_read_some_at_a_time_say_so(tmp_path):
+    folder = tmp_path / "log"
+    folder.mkdir()
+    gamma = np.arange(5.0, 85.0, 5.0)
+    beta = ifrfit.rebound(gamma, e_n=0.94, e_t=-0.9, mu=0.2, degrees=True).beta
+    table_file(folder / "a.csv", {"gamma_deg": gamma, "beta": beta, "sigma_beta": np.full(gamma.size, 0.02)})
+    said = unwrapped(ifrfit.fit(folder, fix={"e_n": 0.94}, method="lsq").export("csv"))
+    assert "Data: log, 16 rows, provenance" in said
+    assert "SHA-256" not in said  # a folder has none
+    assert "Range of the data: 5 to 80 degrees" in said
 
 
 def test_draws_are_those_of_the_fit(fit):
