@@ -20,7 +20,7 @@ _TEXT = """
 typedef struct {{ double v_x, v_y, v_n, spin_x, spin_y; }} ifrfit_state;
 
 /* velocity and spin after an impact */
-static ifrfit_state ifrfit_rebound(double u_x, double u_y, double u_n, double spin_x, double spin_y)
+static inline ifrfit_state ifrfit_rebound(double u_x, double u_y, double u_n, double spin_x, double spin_y)
 {{
     const double slip_x = u_x + spin_y, slip_y = u_y + spin_x;
     const double slip = hypot(slip_x, slip_y);

@@ -60,7 +60,7 @@ class Yade:
                 "reversed, as by a positive beta of ifrfit.",
                 "frictionAngle = atan(mu); tc and density are numerical. Friction acts on an arm that is "
                 "shorter "
-                "by half the overlap (u_n tc/pi at most), which is not in the residual: take tc so short "
+                "by half the overlap (0.45 u_n tc at most), which is not in the residual: take tc so short "
                 "that the overlap stays below a hundredth of the radius.",
             ],
             holds="that one body is a wall of mass 0.",
