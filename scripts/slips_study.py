@@ -167,7 +167,7 @@ def fitted(scene: object, cause: object, seed: int, prior: Mapping[str, object] 
 
 def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str]]:
     """What one fit names, slips before effects, and its other facts that fail."""
-    from ifrfit.report.sentences import is_quiet
+    from ifrfit.inference.result.types import is_quiet
 
     facts = fitted(scene, cause, seed).facts
     failing = [name for name, fact in facts.items() if not fact.ok and not is_quiet(name, fact)]

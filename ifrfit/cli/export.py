@@ -25,7 +25,8 @@ def export(
         typer.Option(metavar="DEG", help="Incidence angle at which openfoam and dynamo match."),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option(metavar="M_S", help="Normal speed at which mujoco and pybullet are run.")
+        float | None,
+        typer.Option(metavar="M_S", help="Normal speed at which mujoco, pybullet and drake match."),
     ] = None,
     fix: Annotated[
         Repeated,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, evaluated, impulse_terms
+from ifrfit.exporters.impulse_terms import wall_function
 from ifrfit.exporters.protocol import IN_C, Comments, Conditions, Translation
 
 _TEXT = """
@@ -20,7 +20,7 @@ _TEXT = """
 typedef struct {{ double v_x, v_y, v_n, spin_x, spin_y; }} ifrfit_state;
 
 /* velocity and spin after an impact */
-static ifrfit_state ifrfit_rebound(double u_x, double u_y, double u_n, double spin_x, double spin_y)
+static inline ifrfit_state ifrfit_rebound(double u_x, double u_y, double u_n, double spin_x, double spin_y)
 {{
     const double slip_x = u_x + spin_y, slip_y = u_y + spin_x;
     const double slip = hypot(slip_x, slip_y);
@@ -45,17 +45,7 @@ class CFunction:
 
     def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
         """The function; its arithmetic is that of the closure, which the tests compile and compare."""
-        terms = impulse_terms(constants, self.name)
-        text = _TEXT.format(
-            e_n=constants.e_n, a=terms.a, b=terms.b, kappa=terms.kappa, j=constants.inertia_factor
-        )
-        return Translation(
-            lines=text.rstrip("\n").split("\n"),
-            law=LAW_WORDS,
-            mapping=[f"a, b and kappa = mu (1 + e_n) follow from the constants; {WALL_WORDS}."],
-            holds=EVERYWHERE,
-            response=lambda incidence: evaluated(constants, terms, incidence),
-        )
+        return wall_function(constants, self.name, _TEXT)
 
 
 EXPORTER = CFunction()

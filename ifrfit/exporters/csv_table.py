@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.exporters.exported_constants import Array, ExportedConstants
-from ifrfit.exporters.json_record import CONSTANTS_ONLY
+from ifrfit.exporters.json_record import AS_THEY_ARE
 from ifrfit.exporters.protocol import HASH, Comments, Conditions, Translation
 
 
@@ -23,7 +23,7 @@ class CsvTable:
 
     def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
         """Constants as they are."""
-        return Translation((), CONSTANTS_ONLY, ("each constant is itself.",), "as the fit does.")
+        return AS_THEY_ARE
 
     def compose(
         self, constants: ExportedConstants, block: Sequence[str], draws: Mapping[str, Array] | None

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import by_entry
+from ifrfit.inference.result.types import Estimate, by_entry
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import get_closure
@@ -98,11 +98,7 @@ def exported_constants(
         entry = entry_name(name, _series(found, name, series))
         value = found[entry].value
         if name in named:
-            if value is not None and found[entry].status != "fixed":
-                raise UsageError(
-                    f"--fix {name}={named[name]:g}: the fit has {name} = {value:g} ({found[entry].status}). "
-                    "An export does not replace what data determine: fit again with it, or leave it out."
-                )
+            _check_named(name, named[name], found[entry])
             value = named.pop(name)
         if value is None:
             low, high = found[entry].interval95
@@ -117,7 +113,53 @@ def exported_constants(
             f"--fix {name}: closure {closure.title} has no such constant. It has "
             f"{joined(closure.constants)}.{meant(name, closure.constants)}"
         )
+    _check_series(result, found, series)
+    if fix:
+        _check_kappa(result, values, series)
     return ExportedConstants(closure, result.inertia_factor, values)
+
+
+def _check_series(result: FitResult, found: Mapping[str, object], series: str | None) -> None:
+    """Refuse an unknown series also where all share the constants."""
+    if series is None or result.points.empty or any(split_name(entry)[1] for entry in found):
+        return
+    there = [str(name) for name in result.points["series"].unique()]
+    if series not in there:
+        raise UsageError(
+            f"--series {series}: the fit has no such series, and one set of constants for all: "
+            f"{joined(there)}."
+        )
+
+
+def _check_named(name: str, value: float, found: Estimate) -> None:
+    """Refuse a value of the user's that the fit contradicts."""
+    if found.value is not None:
+        raise UsageError(
+            f"--fix {name}={value:g}: the fit has {name} = {found.value:g} ({found.status}). An export does "
+            "not replace what a fit has: fit again with it, or leave it out."
+        )
+    low, high = found.interval95
+    if value < low or value > high:
+        raise UsageError(
+            f"--fix {name}={value:g}: the data leave {name} from {low:.3g} to {high:.3g} (95 %). Name a "
+            "value within that, or fit again with yours."
+        )
+
+
+def _check_kappa(result: FitResult, values: Mapping[str, float], series: str | None) -> None:
+    """Refuse named values whose mu (1 + e_n) the data contradict: sliding impacts know that product alone."""
+    kappa = result.derived.get("kappa")
+    found = kappa.get(series or "") if isinstance(kappa, Mapping) else kappa
+    if not isinstance(found, Estimate):
+        return
+    low, high = found.interval95
+    e_n, given = values["e_n"], values["mu"] * (1.0 + values["e_n"])
+    if given < low or given > high:
+        raise UsageError(
+            f"The data leave kappa = mu (1 + e_n) from {low:.3g} to {high:.3g} (95 %), and the values named "
+            f"give {given:.3g}: with e_n = {e_n:g} name a mu from {low / (1.0 + e_n):.3g} to "
+            f"{high / (1.0 + e_n):.3g}."
+        )
 
 
 def _series(found: Mapping[str, object], name: str, series: str | None) -> str:

@@ -10,7 +10,12 @@ from ifrfit.exporters.exported_constants import Array, ExportedConstants
 from ifrfit.exporters.protocol import NONE, Comments, Conditions, Translation
 from ifrfit.inference.io.json_text import dumps
 
-CONSTANTS_ONLY = "none: constants by their names in ifrfit; docs/methods.md has the closures."
+AS_THEY_ARE = Translation(
+    lines=(),
+    law="none: constants by their names in ifrfit; docs/methods.md has the closures.",
+    mapping=("each constant is itself.",),
+    holds="as the fit does.",
+)
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class JsonRecord:
 
     def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
         """Constants as they are."""
-        return Translation((), CONSTANTS_ONLY, ("each constant is itself.",), "as the fit does.")
+        return AS_THEY_ARE
 
     def compose(
         self, constants: ExportedConstants, block: Sequence[str], draws: Mapping[str, Array] | None

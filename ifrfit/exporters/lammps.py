@@ -3,7 +3,9 @@
 Forces as in the documentation of ``pair_style granular``: F_n = 4/3 E* sqrt(R* d) d + eta_n w with
 eta_n = -2 sqrt(5/6) ln e/sqrt(pi^2 + ln^2 e) sqrt(3/2 k_nd m) (``damping coeff_restitution``), and a
 tangential spring k_t sqrt(R* d) with eta_t = x_gamma eta_n (``tangential mindlin k_t x_gamma mu``). With NULL
-for k_t the spring is that of the Poisson ratio, 8 G*; here it is free, which comes closer.
+for k_t the spring is that of the Poisson ratio, 8 G*; here it is free, which comes closer. x_gamma is 0: the
+dashpot is stronger than slider and spring as a contact begins, and what it then writes into the spring grows
+without limit as the time step shrinks (with d^(-1/4) of the first overlap), in LAMMPS as in its law.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ class Lammps:
         ratio = nearest(lambda x: contact(constants, x), constants, *_RATIOS)
         k_t = ratio * 4.0 / 3.0 * _MODULUS / (2.0 * (1.0 - _POISSON**2))
         material = (
-            f"hertz/material {_MODULUS:g} {constants.e_n:.10g} {_POISSON:g} tangential mindlin {k_t:.8g} 1.0 "
+            f"hertz/material {_MODULUS:g} {constants.e_n:.10g} {_POISSON:g} tangential mindlin {k_t:.8g} 0.0 "
             f"{constants.mu:.10g} damping coeff_restitution"
         )
         return integrated(
@@ -48,8 +50,8 @@ class Lammps:
                 "# the wall: put your own plane in the place of zplane 0.0 NULL",
                 f"fix wall all wall/gran granular {material} zplane 0.0 NULL",
             ],
-            law="Hertz's spring and a dashpot along the normal; a spring that grows with the contact, a "
-            "dashpot and Coulomb's slider along the wall.",
+            law="Hertz's spring and a dashpot along the normal; a spring that grows with the contact and "
+            "Coulomb's slider along the wall, without a dashpot (x_gamma = 0).",
             mapping=[
                 "e of hertz/material with damping coeff_restitution = e_n, mu of tangential mindlin = mu.",
                 f"there is no place for {constants.closure.constant or 'a tangential restitution'}: "
@@ -65,7 +67,7 @@ class Lammps:
 def contact(constants: ExportedConstants, ratio: float) -> SpringDashpot:
     """The law of the exported text."""
     damping = math.sqrt(5.0) * log_decrement(constants.e_n)
-    return SpringDashpot(1.5, damping, ratio, damping, constants.mu)
+    return SpringDashpot(1.5, damping, ratio, 0.0, constants.mu)
 
 
 EXPORTER = Lammps()

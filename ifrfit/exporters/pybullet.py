@@ -2,7 +2,9 @@
 
 Bullet multiplies restitution and friction of two bodies, so the wall has 1. With its default ``contactERP``
 the correction of the overlap adds to the rebound, by a share that depends on when within a time step the
-contact begins; without it the given restitution comes back. PyBullet is run to say what did.
+contact begins; without it the given restitution comes back. By default PyBullet cuts each component of
+velocity and spin at 100 m/s or rad/s, which ``maxJointVelocity`` lifts. PyBullet is run to say what came
+back.
 """
 
 from __future__ import annotations
@@ -14,13 +16,14 @@ import numpy as np
 
 from ifrfit.errors import UsageError
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.mujoco import ANGLES, CLOSE, PHASES
+from ifrfit.exporters.mujoco import ANGLES, CLOSE, PHASES, oblique_words
 from ifrfit.exporters.protocol import HASH, Comments, Conditions, Response, Translation
 from ifrfit.exporters.soft_sphere import only_solid_sphere
 from ifrfit.physics.angles import Incidence
 
 _TIME_STEP = 1.0 / 240.0  # s, Bullet's default
 _RADIUS = 0.05  # m
+_MOST_VELOCITY = 1e6  # m/s and rad/s, numerical
 _STEPS_BEFORE = 20
 _ENGINE = {"contactERP": 0.0, "frictionERP": 0.0, "restitutionVelocityThreshold": 0.0}
 
@@ -59,15 +62,17 @@ class PyBullet:
                 "pybullet.changeDynamics(wall, -1, restitution=1.0, lateralFriction=1.0)",
                 f"pybullet.changeDynamics(sphere, -1, restitution={constants.e_n:.10g}, "
                 f"lateralFriction={constants.mu:.10g}, linearDamping=0, angularDamping=0, "
-                "contactProcessingThreshold=0)",
+                f"contactProcessingThreshold=0, maxJointVelocity={_MOST_VELOCITY:g})",
             ],
             law="v_n = -restitution u_n, and Coulomb friction that at most stops the contact point.",
             mapping=[
-                f"restitution = e_n = {constants.e_n:.6g}: at {speed:g} m/s {backs.min():.5g} to "
-                f"{backs.max():.5g} came back, as the contact begins within a time step: {verdict}.",
+                f"restitution = e_n = {constants.e_n:.6g}: head-on at {speed:g} m/s {backs.min():.5g} to "
+                f"{backs.max():.5g} came back, as the contact begins within a time step: {verdict}; "
+                f"{oblique_words(response)}.",
                 f"lateralFriction = mu; there is no place for {constants.closure.constant or 'beta'}: "
                 "contacts that stick stop the contact point.",
-                "contactERP = 0 keeps the correction of overlaps out of the rebound; what rests may sink.",
+                "contactERP = 0 keeps the correction of overlaps out of the rebound; what rests may sink. "
+                "maxJointVelocity: without it PyBullet cuts velocities and spins at 100 m/s and rad/s.",
             ],
             holds=f"at the normal speed {speed:g} m/s and the time step {_TIME_STEP:.4g} s, without gravity; "
             "angles as the residual says.",
@@ -122,6 +127,7 @@ def shoot(
             linearDamping=0,
             angularDamping=0,
             contactProcessingThreshold=0,
+            maxJointVelocity=_MOST_VELOCITY,
             **on,
         )
         engine.resetBaseVelocity(sphere, [along, 0.0, -down], [0.0, 0.0, 0.0], **on)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ifrfit.exporters.exported_constants import ExportedConstants
-from ifrfit.exporters.impulse_terms import EVERYWHERE, LAW_WORDS, WALL_WORDS, evaluated, impulse_terms
+from ifrfit.exporters.impulse_terms import wall_function
 from ifrfit.exporters.protocol import HASH, Comments, Conditions, Translation
 
-_TEXT = '''import math
+_TEXT = '''
+import math
 
 E_N = {e_n!r}
 A, B, KAPPA = {a!r}, {b!r}, {kappa!r}
@@ -36,18 +37,7 @@ class PythonFunction:
 
     def translate(self, constants: ExportedConstants, at: Conditions) -> Translation:
         """The function, and its own evaluation."""
-        terms = impulse_terms(constants, self.name)
-        text = _TEXT.format(
-            e_n=constants.e_n, a=terms.a, b=terms.b, kappa=terms.kappa, j=constants.inertia_factor
-        )
-
-        return Translation(
-            lines=["", *text.rstrip("\n").split("\n")],
-            law=LAW_WORDS,
-            mapping=[f"a, b and kappa = mu (1 + e_n) follow from the constants; {WALL_WORDS}."],
-            holds=EVERYWHERE,
-            response=lambda incidence: evaluated(constants, terms, incidence),
-        )
+        return wall_function(constants, self.name, _TEXT)
 
 
 EXPORTER = PythonFunction()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from ifrfit.exporters import (
     c_function,
+    chrono,
     csv_table,
+    drake,
     dynamo,
     json_record,
     lammps,
@@ -37,5 +39,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         openfoam.EXPORTER,
         mujoco.EXPORTER,
         pybullet.EXPORTER,
+        drake.EXPORTER,
+        chrono.EXPORTER,
     ),
 )

@@ -119,11 +119,13 @@ def _tangential(
 
 
 def response(contact: SpringDashpot, inertia_factor: float, steps: int, incidence: Incidence) -> Response:
-    """Rebounds without spin, of any angles."""
+    """Rebounds of any angles and spins about y; beta is nan where nothing slips."""
     e_n, slip = impact(contact, incidence.tau, inertia_factor, steps)
-    beta = -slip / incidence.tau
-    k = rotational_share(inertia_factor) * (1.0 + beta)
-    return Response(e_n * incidence.cosine, incidence.sine * (1.0 - k), beta)
+    with np.errstate(invalid="ignore"):
+        beta = -slip / incidence.tau
+    after = slip * incidence.cosine * np.sign(incidence.slip_x)
+    push = rotational_share(inertia_factor) * (incidence.slip_x - after)
+    return Response(e_n * incidence.cosine, incidence.sine - push, beta)
 
 
 def misfit(contact: SpringDashpot, constants: ExportedConstants) -> float:

@@ -44,7 +44,7 @@ class Yade:
                 "from math import atan",
                 "",
                 "# tc: yours, seconds. A material each, for sphere and wall alike: YADE takes their mean.",
-                f"contact = dict(tc=1e-4, en={en:.10g}, et={et:.10g}, frictionAngle=atan({mu:.10g}))",
+                f"contact = dict(tc=1e-5, en={en:.10g}, et={et:.10g}, frictionAngle=atan({mu:.10g}))",
                 "sphereMaterial = O.materials.append(ViscElMat(density=2500, label='sphere', **contact))",
                 "wallMaterial = O.materials.append(ViscElMat(density=2500, label='wall', **contact))",
                 "# engines: Ip2_ViscElMat_ViscElMat_ViscElPhys() and Law2_ScGeom_ViscElPhys_Basic()",
@@ -58,9 +58,10 @@ class Yade:
                 f"et = {et:.6g}, above 0 and at most 1, comes closest to the fitted curve in v_x/u; the "
                 "slip is "
                 "reversed, as by a positive beta of ifrfit.",
-                "frictionAngle = atan(mu); tc and density are numerical, and no rebound of one impact "
-                "depends on "
-                "them.",
+                "frictionAngle = atan(mu); tc and density are numerical. Friction acts on an arm that is "
+                "shorter "
+                "by half the overlap (0.45 u_n tc at most), which is not in the residual: take tc so short "
+                "that the overlap stays below a hundredth of the radius.",
             ],
             holds="that one body is a wall of mass 0.",
         )

@@ -20,7 +20,7 @@ from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.result.types import Estimate, is_quiet
 from ifrfit.paper.recovered_constants import (
     LEVEL,
     FittedCase,
@@ -34,7 +34,7 @@ from ifrfit.paper.recovered_constants import (
 from ifrfit.physics import OBSERVABLES, rebound
 from ifrfit.report.provenance import contents
 from ifrfit.report.regimes import regime_counts
-from ifrfit.report.sentences import is_quiet, places_of, value_text
+from ifrfit.report.sentences import places_of, value_text
 from ifrfit.report.terminal import wrapped
 from ifrfit.text import as_given, interval_text, joined, p_text, sd_text
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, Fact
+from ifrfit.inference.result.types import Estimate, Fact, is_quiet
 from ifrfit.option_words import in_python
 from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.effects import EFFECTS
@@ -57,8 +57,6 @@ CHECKS = {
     "largest": "largest residual",
     "share": "share inside the 95 % band",
 }
-# a failing fact of this name is told by the status of the constant already
-QUIET_FACTS = ("at_bound",)
 
 
 def places_of(estimate: Estimate) -> int | None:
@@ -105,11 +103,6 @@ def by_series(entry: object) -> dict[str, Estimate]:
 def labelled(name: str, series: str) -> str:
     """A constant's name, with the series in brackets where separate."""
     return f"{name} [{series}]" if series else name
-
-
-def is_quiet(name: str, fact: Fact) -> bool:
-    """Whether a failing fact is a note: a status tells it, or no user can act on it (a proof is missing)."""
-    return name in QUIET_FACTS or (name == "global_optimum" and fact.figures.get("n_optima_same", 1) == 1)
 
 
 _ABSENT = 0.05  # p above which the residuals show nothing of an effect

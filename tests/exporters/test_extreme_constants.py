@@ -27,7 +27,7 @@ def test_finite_numbers_or_a_refusal(target, closure, values):
         pytest.importorskip(target)
     at = Conditions(
         angle=89.0 if target == "openfoam" else None,
-        speed=1.0 if target in ("mujoco", "pybullet") else None,
+        speed=1.0 if "speed" in EXPORTERS[target].takes else None,
     )
     constants = ExportedConstants(get_closure(closure), 0.4, values)
     try:

@@ -53,6 +53,18 @@ def test_what_comes_back_is_the_fitted_restitution(e_n, speed):
     assert found.ran == f"MuJoCo {mujoco.__version__}"
 
 
+def test_oblique_restitution_is_said_as_it_comes_back():
+    pytest.importorskip("mujoco")
+    from ifrfit.physics.angles import Incidence
+
+    found = translated(2.0, mu=0.5)
+    at = Incidence.of(found.angles, degrees=True)
+    back = found.response(at).v_n / at.cosine
+    low = int(np.argmin(back))
+    assert back[low] < 0.8  # friction takes much from it
+    assert f"from 5 to 80 degrees, {back[low]:.4g} ({found.angles[low]:g} degrees) to" in found.mapping[0]
+
+
 def test_what_cannot_come_back_is_said():
     pytest.importorskip("mujoco")
     said = translated(2.0, e_n=0.0).mapping[0]

@@ -87,6 +87,13 @@ int main(void) {
     assert_same(np.array([line.split() for line in run.stdout.splitlines()], dtype=float), wanted)
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+def test_c_compiles_by_itself_without_a_warning(tmp_path):
+    (tmp_path / "wall.c").write_text(text("c", constants("fr")))
+    command = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-c", "wall.c", "-o", "wall.o"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+
+
 def test_a_wrong_sign_would_be_seen():
     given = constants("ifr")
     space = {}

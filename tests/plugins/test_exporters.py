@@ -21,10 +21,9 @@ def fitted(closure, **constants):
 
 @pytest.mark.parametrize("target", list(EXPORTERS))
 def test_a_closure_of_ones_own_leaves_through_every_target(target):
-    choices = {"angle": 40.0} if target == "openfoam" else {}
-    if target in ("mujoco", "pybullet"):
+    choices = {name: {"angle": 40.0, "speed": 2.0}[name] for name in EXPORTERS[target].takes}
+    if target in ("mujoco", "pybullet"):  # they are run
         pytest.importorskip(target)
-        choices = {"speed": 2.0}
     text = fitted("grip", g_rip=0.7).export(target, **choices)
     assert "Closure GRIP" in text
     assert "g_rip = " in text

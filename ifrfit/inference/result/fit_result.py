@@ -255,7 +255,7 @@ class FitResult(Findings, Display):
         angle : float, optional
             Incidence angle in degrees at which openfoam and dynamo match.
         speed : float, optional
-            Normal speed of approach in m/s at which mujoco and pybullet are run.
+            Normal speed of approach in m/s at which mujoco, pybullet and drake match.
         series : str, optional
             Whose constants, where they are separate.
         fix : mapping of str to float, optional

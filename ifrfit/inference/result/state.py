@@ -81,10 +81,20 @@ def distribution_of(state: State) -> Draws | TruncatedGaussian:
             loadings[name] = loading
             place = int(np.argmax(np.abs(loading)))
             scale = float(loading[place])
-            center = float(value[0]) + scale * float(state.center[place] - state.point[place])
             low, high = scale * float(state.lower[place]), scale * float(state.upper[place])
+            center = float(value[0])
+            if _on_bound(
+                state, place
+            ):  # elsewhere it is the optimum; the common centre is that of no marginal
+                center += scale * float(state.center[place] - state.point[place])
             marginals[name] = TruncatedNormal(float(value[0]), center, sd, low, high)
     return TruncatedGaussian(marginals, loadings, state)
+
+
+def _on_bound(state: State, place: int) -> bool:
+    """Whether a coordinate of the optimum lies on a bound, as the gradient of a state counts it."""
+    value = float(state.point[place])
+    return value - float(state.lower[place]) <= 1e-9 or float(state.upper[place]) - value <= 1e-9
 
 
 def _loading(state: State, name: str) -> Array:

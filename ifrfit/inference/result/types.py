@@ -112,6 +112,15 @@ class Fact:
         return bool(self.figures.get("tested", True))
 
 
+# a failing fact of this name is told by the status of the constant already
+QUIET_FACTS = ("at_bound",)
+
+
+def is_quiet(name: str, fact: Fact) -> bool:
+    """Whether a failing fact is a note: a status tells it, or no user can act on it (a proof is missing)."""
+    return name in QUIET_FACTS or (name == "global_optimum" and fact.figures.get("n_optima_same", 1) == 1)
+
+
 @dataclass(frozen=True)
 class NoiseSummary:
     """What sigma meant.

@@ -9,7 +9,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.result.types import Estimate, is_quiet
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.page.blocks import Badge, Report, Section
 from ifrfit.report.page.html import render
@@ -22,7 +22,6 @@ from ifrfit.report.sentences import (
     HEADLINES,
     closure_title,
     headline,
-    is_quiet,
     plus_minus,
     span_text,
     undetermined,
