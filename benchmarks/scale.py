@@ -65,6 +65,11 @@ STARTED()
 found = ifrfit.fit(PATH, method=METHOD)
 """
 _SUMMARY = _FIT + "found.summary()\n"
+_COMPARE = """
+import ifrfit
+STARTED()
+ifrfit.compare(PATH, loo=False)
+"""
 _LMFIT = """
 import lmfit, numpy as np, pandas as pd
 from ifrfit.physics import OBSERVABLES, rebound
@@ -210,13 +215,11 @@ def main() -> None:
                 ("whole fit, least squares", _FIT, "lsq"),
                 ("whole fit, exact", _FIT, "exact"),
                 ("the same with all facts and the summary", _SUMMARY, "exact"),
+                ("closures compared", _COMPARE, ""),
+                ("the same sums of one pass by DuckDB", _DUCKDB, ""),
+                ("the same sums of one pass by Polars", _POLARS, ""),
             ]
-            if n <= 10_000_000:
-                rows += [
-                    ("the same sums of one pass by DuckDB", _DUCKDB, ""),
-                    ("the same sums of one pass by Polars", _POLARS, ""),
-                ]
-            else:
+            if n > 10_000_000:
                 rows.append(("whole fit, least squares, two workers", _WORKERS, "2"))
             if n <= 1_000_000:
                 rows += [

@@ -69,13 +69,13 @@ class ImpulseSums:
         return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
 
     @property
-    def _serve_both(self) -> bool:
+    def _in_common(self) -> bool:
         return self.kappa == 0.0 and self.stick == self.slide
 
     @property
     def width(self) -> int:
         """Products of a row: those of one that sticks, then those of one that slides, where these differ."""
-        return _ALL if self._serve_both else N_BELOW + _ALL
+        return _ALL if self._in_common else N_BELOW + _ALL
 
     @property
     def above(self) -> slice:
@@ -99,7 +99,7 @@ class ImpulseSums:
         """See `quadratic_matrix`."""
         left = self.law
         # less one number for both, or less what k is at the point itself: nothing is left of it there
-        return quadratic_matrix(left if self._serve_both else Coefficients(0.0, left.a1, 0.0, left.b1))
+        return quadratic_matrix(left if self._in_common else Coefficients(0.0, left.a1, 0.0, left.b1))
 
     @cached_property
     def direct(self) -> Array:
@@ -114,12 +114,12 @@ class ImpulseSums:
         """Products of some of the rows, (`width`, n)."""
         u, v = self.rows.of_places(at)
         x = 1.0 / self.rows.tau[at]
-        if not self._serve_both:
+        if not self._in_common:
             stick = v - self.stick * u
             np.multiply(u, u, out=out[0])
             np.multiply(u, stick, out=out[1])
             np.multiply(stick, stick, out=out[2])
-        v = v - (self.slide if self._serve_both else self.slide + self.kappa * x) * u
+        v = v - (self.slide if self._in_common else self.slide + self.kappa * x) * u
         row_products(u, v, x, out[self.above])
         return out
 

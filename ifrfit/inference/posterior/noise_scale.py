@@ -34,8 +34,20 @@ class NoiseScale:
         """
         half = 0.5 * self.n
         q = np.maximum(0.5 * square, np.finfo(float).tiny)
-        constant = float(special.gammaln(half)) - half * _LOG_2PI - math.log(2.0 * self.span)
-        return np.asarray(constant - half * np.log(q) + self._log_inside(q))
+        return np.asarray(self.log_constant - half * math.log(2.0) - half * np.log(q) + self._log_inside(q))
+
+    @property
+    def log_constant(self) -> float:
+        """Log of that likelihood over Q^(-n/2), where the bounds cut nothing off."""
+        half = 0.5 * self.n
+        constant = float(special.gammaln(half)) - half * (_LOG_2PI - math.log(2.0))
+        return constant - math.log(2.0 * self.span)
+
+    def keeps_all(self, least: float, most: float) -> bool:
+        """Whether the bounds cut nothing off at sums of squares between these."""
+        half = 0.5 * self.n
+        top, bottom = 0.5 * least / self.lower**2, 0.5 * most / self.upper**2
+        return bool(top > special.gammainccinv(half, _SAFE) and bottom < special.gammaincinv(half, _SAFE))
 
     @property
     def span(self) -> float:

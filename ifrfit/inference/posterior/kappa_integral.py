@@ -1,0 +1,304 @@
+"""The integral over kappa, with the closure constant in closed form given kappa.
+
+Section 11 of ``docs/theory/posterior.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, ndtr, stdtr
+
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.plain_question import MOST_PANELS, NO_SHARE, PlainQuestion
+from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_ORDER = 16  # of the rules, with those of half the order inside them
+_LOW_ORDER = 8  # where most panels end at transitions, and are narrow
+_NEAR = 32.0  # of chi2 above the best, within which a cell says how sharp kappa is
+_OUTSIDE = 16.0  # of chi2 by which the optimum without bounds may lie below the one inside
+_FREE_OF_BOUNDS = 9.0  # sd between c and its bounds from which nothing is cut off
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
+_PER_ROOT_2PI = 1.0 / math.sqrt(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class SlidingCells:
+    """Between two walls the same rows slide: chi2 is a quadratic in c and kappa.
+
+    Least over c it is g0 + g1 q + g2 q^2, at c = m0 + m1 q, with q = kappa less a reference; it rises by
+    ((c - m)/width)^2.
+
+    Attributes
+    ----------
+    walls : ndarray, (n + 2,)
+        Of kappa, from 0 to infinity.
+    g : ndarray, (3, n + 1)
+    middle : ndarray, (2, n + 1)
+        m0 and m1.
+    width : float
+    bend : ndarray, (n + 1,)
+        Coefficient of q^2 at a given c.
+    best : float
+        chi2 at the certified optimum.
+    reference : float
+        kappa there.
+    noise : NoiseScale or None
+        The unknown noise of the rows: then sums of squares are not over sigma^2.
+    """
+
+    walls: Array
+    g: Array
+    middle: Array
+    width: float
+    bend: Array
+    best: float
+    reference: float
+    noise: NoiseScale | None
+
+    @property
+    def dof(self) -> float:
+        """Of Student's law of c, where the noise is unknown; else infinite."""
+        return math.inf if self.noise is None else self.noise.n - 1.0
+
+    @classmethod
+    def of(cls, question: PlainQuestion, problem: Problem, start: LeastSquaresFit) -> SlidingCells:
+        """Cells of the rows, about the certified optimum."""
+        law, w, inverse = question.law, question.weight, 1.0 / question.tau
+        places, theta = problem.parameters.positions, start.optimum.theta
+        e_n, c, mu = (float(theta[places[name][0]]) for name in ("e_n", question.c.name, "mu"))
+        kappa = mu * (1.0 + e_n)
+        # about the optimum: sums of squares keep their digits
+        rest = question.factor - (law.a0 + law.a1 * c)
+        stick, slide = rest - law.b0, rest - kappa * inverse
+        n = w.size
+        p, s = np.zeros((2, n + 1)), np.zeros((5, n + 1))
+        w_stick, w_slide, w_inverse = w * stick, w * slide, w * inverse
+        np.cumsum((w_stick * stick, w_stick), axis=1, out=p[:, 1:])
+        sliding = np.stack((w_slide * slide, w_slide, w_slide * inverse, w_inverse, w_inverse * inverse))
+        s[:, :n] = sliding[:, ::-1].cumsum(axis=1)[:, ::-1]
+        f0, f1 = p[0] + s[0], -2.0 * law.a1 * (p[1] + s[1])
+        f2, f3, f4, f5 = -2.0 * s[2], law.a1**2 * float(w.sum()), 2.0 * law.a1 * s[3], s[4]
+        if question.c.prior is not None:
+            mean, sd = question.c.prior
+            f0, f1, f3 = f0 + ((c - mean) / sd) ** 2, f1 + 2.0 * (c - mean) / sd**2, f3 + sd**-2.0
+        m0, m1 = f1 / (-2.0 * f3), f4 / (-2.0 * f3)
+        g = np.stack((f0 - f3 * m0**2, f2 - 2.0 * f3 * m0 * m1, f5 - f3 * m1**2))
+        walls = np.concatenate(([0.0], law.b0 * question.tau, [math.inf]))
+        best = float(f0[walls[1:-1].searchsorted(kappa)])
+        noise = question.noises[0][1] if question.noises else None
+        return cls(walls, g, np.stack((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa, noise)
+
+    def region(self, highest: float, lost: float) -> tuple[float, float, float] | None:
+        """Ends of kappa between which all but exp(-lost) is, and how sharp it is there, as an sd.
+
+        None where it reaches the end of the domain, or the bounds of c are far from what the rows say.
+        """
+        g0, g1, g2 = self.g
+        low, high = self.walls[:-1] - self.reference, self.walls[1:] - self.reference
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = np.where(g2 > 0.0, -0.5 * g1 / g2, low)
+        vertex = np.minimum(np.maximum(vertex, low), high)
+        least = g0 + (g1 + g2 * vertex) * vertex
+        lowest = float(least.min())
+        variance = 1.0 if self.noise is None else lowest / self.dof
+        if not variance > 0.0 or self.best - lowest > _OUTSIDE * variance:
+            return None
+        sharpest = float(self.bend[least < self.best + _NEAR * variance].max())
+        if not sharpest > 0.0:
+            return None
+        sd = math.sqrt(variance / sharpest)
+        rise = 2.0 * (lost + 3.0 * math.log1p(highest / sd))
+        edge = self.best + rise if self.noise is None else self.best * math.exp(rise / self.dof)
+        holds = np.flatnonzero(least < edge)
+        first, last = int(holds[0]), int(holds[-1])
+        if last == least.size - 1:
+            return None  # nothing need slide
+        ends = []
+        for cell, side in ((first, -1.0), (last, 1.0)):
+            a, b, c = float(g2[cell]), float(g1[cell]), float(g0[cell]) - edge
+            if a > 0.0:
+                end = (-b + side * math.sqrt(max(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
+            else:
+                end = side * math.inf
+            ends.append(min(max(end, float(low[cell])), float(high[cell])) + self.reference)
+        # the mass below 1e-12 of eq. (8) lies further out than these ends
+        return (ends[0], ends[1], sd) if ends[1] < highest else None
+
+
+@dataclass(frozen=True)
+class KappaIntegral:
+    """The integral over kappa, and what c is at its nodes; levels are the rules and the coarse ones inside.
+
+    Attributes
+    ----------
+    kappa, middle : ndarray, (nodes,)
+        kappa, and the middle of c's normal law there.
+    width : ndarray, (nodes,)
+        Of that law.
+    share : ndarray, (2, nodes)
+        Probability of each node.
+    height : ndarray, (2, nodes)
+        The same over what the normal law holds between the bounds.
+    law : PanelCdf
+        Of kappa.
+    log_mass : ndarray, (2,)
+        Log of the integral of exp(-chi2/2) over kappa and c.
+    cut : tuple of ndarray or None
+        Standardised bounds of c at each node; None where they cut nothing off.
+    dof : float
+        Of Student's law in the place of the normal one; infinite where the noise is known.
+    square : ndarray, (nodes,)
+        Sum of squares, least over c.
+    beyond : float
+        Probability beyond the bounds of c that was left out.
+    counts : ndarray of int
+        Nodes that count in distribution functions.
+    """
+
+    kappa: Array
+    middle: Array
+    width: Array
+    share: Array
+    height: Array
+    law: PanelCdf
+    log_mass: Array
+    cut: tuple[Array, Array] | None
+    dof: float
+    square: Array
+    beyond: float
+    counts: Index
+
+    @classmethod
+    def of(
+        cls,
+        cells: SlidingCells,
+        region: tuple[float, float, float],
+        c: FreeParameter,
+        width: float,
+        tolerance: float,
+    ) -> KappaIntegral | None:
+        """None where it would take very many panels."""
+        low, high, sd = region
+        count = math.ceil((high - low) / (width * sd))
+        kinks = cells.walls[1:-1]
+        kinks = kinks[(kinks > low) & (kinks < high)]
+        if count + kinks.size > MOST_PANELS:
+            return None
+        order = _LOW_ORDER if kinks.size > count else _ORDER
+        axis = QuadratureAxis.of(np.concatenate((kinks, np.linspace(low, high, count + 1))), order)
+        inside = 0.5 * (axis.panels[:, 0] + axis.panels[:, 1])
+        cell = cells.walls[1:-1].searchsorted(inside)
+        nodes = axis.nodes().reshape(axis.shape)
+        q = nodes - cells.reference
+        g0, g1, g2 = cells.g[:, cell, None]
+        m0, m1 = cells.middle[:, cell, None]
+        middle, square = m0 + m1 * q, g0 + (g1 + g2 * q) * q
+        if cells.noise is None:
+            log_scale = math.log(cells.width) + _HALF_LOG_2PI - 0.5 * cells.best
+            bare = np.exp(-0.5 * (square - cells.best))
+            spread = np.full(square.shape, cells.width)
+        else:
+            if not square.min() > 0.0:
+                return None
+            half = 0.5 * cells.dof
+            log_scale = cells.noise.log_constant + math.log(cells.width) - half * math.log(cells.best)
+            log_scale += 0.5 * math.log(math.pi) + float(gammaln(half) - gammaln(half + 0.5))
+            bare = (cells.best / square) ** half
+            spread = cells.width * np.sqrt(square / cells.dof)
+        below, above = (c.lower - middle) / spread, (c.upper - middle) / spread
+        held, cut, tails = bare, None, None
+        if cells.noise is not None:
+            tails = (stdtr(cells.dof, below) + stdtr(cells.dof, -above)).reshape(-1)
+        elif below.max() > -_FREE_OF_BOUNDS or above.min() < _FREE_OF_BOUNDS:
+            cut = below.reshape(-1), above.reshape(-1)
+            held = bare * (ndtr(above) - ndtr(below))
+        weights, per = axis.weights(), held.reshape(-1)
+        mass = weights @ per
+        if not mass.min() > 0.0:
+            return None
+        weights /= mass[:, None]
+        law = PanelCdf.of_levels(axis, per / mass[:, None])
+        share, height = weights * per, weights * bare.reshape(-1)
+        beyond = 0.0 if tails is None else float(share[0] @ tails)
+        return cls(
+            nodes.reshape(-1),
+            middle.reshape(-1),
+            spread.reshape(-1),
+            share,
+            height,
+            law,
+            np.log(mass) + log_scale,
+            cut,
+            cells.dof,
+            square.reshape(-1),
+            beyond,
+            np.flatnonzero(share[0] > NO_SHARE * tolerance),
+        )
+
+    def is_within(self, noises: Sequence[tuple[str, NoiseScale]]) -> bool:
+        """Whether the bounds of an unknown noise cut nothing off."""
+        if not noises:
+            return True
+        kept = self.square[self.counts]
+        return noises[0][1].keeps_all(float(kept.min()), float(kept.max()))
+
+    @cached_property
+    def c_mean(self) -> tuple[Array, Array]:
+        """Mean of c given kappa, times the probability of each node, (2, nodes); and of c, (2,)."""
+        each = self.share * self.middle
+        if self.cut is not None:
+            low, high = (_PER_ROOT_2PI * np.exp(-0.5 * end * end) for end in self.cut)
+            each = each + self.height * (self.width * (low - high))
+        return each, each.sum(axis=1)
+
+    def c_moments(self) -> list[tuple[float, float]]:
+        """Mean and standard deviation of c by both levels."""
+        mean = self.c_mean[1]
+        offset = self.middle - mean[0]
+        student = 1.0 if math.isinf(self.dof) else self.dof / (self.dof - 2.0)
+        square = self.share @ (offset * offset + student * self.width**2)
+        if self.cut is not None:
+            low, high = self.cut
+            at_low, at_high = (_PER_ROOT_2PI * np.exp(-0.5 * end * end) for end in self.cut)
+            lean, slope = low * at_low - high * at_high, at_low - at_high
+            square = square + self.height @ (self.width**2 * lean + 2.0 * offset * self.width * slope)
+        variance = square - (mean - mean[0]) ** 2
+        return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(mean, variance, strict=True)]
+
+    def c_below(self, t: Array, levels: int) -> Array:
+        """Distribution function of c: the mean of those given kappa, eq. (9)."""
+        middle, width, height, cut = self._kept
+        z = (t[:, None] - middle) / width
+        if not math.isinf(self.dof):
+            return np.asarray(height[:levels] @ stdtr(self.dof, z).T)
+        if cut is None:
+            return np.asarray(height[:levels] @ ndtr(z).T)
+        low, high = cut
+        below = ndtr(np.minimum(np.maximum(z, low), high)) - ndtr(low)
+        return np.asarray(height[:levels] @ below.T)
+
+    @cached_property
+    def _kept(self) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
+        """`middle`, `width`, `height` and `cut` of the nodes that count."""
+        at = self.counts
+        cut = None if self.cut is None else (self.cut[0][at], self.cut[1][at])
+        return self.middle[at], self.width[at], self.height[:, at], cut
+
+    def mean_product(self, one: str, other: str) -> float:
+        """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself."""
+        of_c = self.c_mean[0][0] if "c" in (one, other) else self.share[0]
+        if one == other == "kappa":
+            return float(of_c @ (self.kappa * self.kappa))
+        return float(of_c @ self.kappa) if "kappa" in (one, other) else float(of_c.sum())
