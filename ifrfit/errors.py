@@ -47,6 +47,20 @@ class UsageError(IfrfitError, ValueError):
     exit_status = 2
 
 
+class UnknownNameError(UsageError, KeyError):
+    """A name that a mapping or a distribution does not have; its text says which there are.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> try:
+    ...     ifrfit.fit("cornell-glass").distribution.mean("my")
+    ... except ifrfit.UsageError as error:
+    ...     print(error)
+    There is no quantity 'my'. There are e_n, e_t, mu and kappa. Did you mean mu?
+    """
+
+
 class DataError(IfrfitError, ValueError):
     """The data are refused. The text names the file, the line and the column where there is one.
 

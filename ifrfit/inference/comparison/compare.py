@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -43,6 +44,7 @@ from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.text import joined
 
 _NO_OBLIQUE = "No row is of an oblique impact: e_n and mu alone say nothing of a closure."
+_TOO_MANY = "Too many rows for cross-validation by draws: with so many the evidence decides."
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
 Progress = Callable[[int, int], None]
@@ -270,9 +272,8 @@ def _weighed(
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
-    found = _cross_validated(fits, evidence, seed, tell) if loo else {}
-    if loo and not found:
-        notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
+    found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
+    notes += without
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
@@ -283,20 +284,33 @@ def _weighed(
 
 def _cross_validated(
     fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int, tell: Callable[[int], None]
-) -> dict[str, Loo]:
-    """Every closure with draws of its own, whichever others are compared; empty for too many rows.
+) -> tuple[dict[str, Loo], tuple[str, ...]]:
+    """Every closure with draws of its own, whichever others are compared; and why some have no number.
 
     Impacts are left out in earnest under those alone that have a hope beside the best.
     """
-    found = {}
+    found, without = {}, []
     for name, fit in fits.items():
         has_hope = evidence[name] >= max(evidence.values()) - HOPELESS
         own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]), in_earnest=has_hope)
         if own is None:
-            return {}
-        found[name] = own
-        tell(len(found))
-    return with_differences(found)
+            return {}, (_TOO_MANY,)
+        if math.isfinite(own.elpd):
+            found[name] = own
+        else:
+            pairs = zip(own.impacts, own.pointwise, strict=True)
+            without.append(
+                f"Cross-validation of {get_closure(name).title} gives no number: by its draws "
+                f"{_some([impact for impact, x in pairs if not math.isfinite(x)])} has no probability that "
+                "could be told. Its evidence stands; the other closures keep their numbers."
+            )
+        tell(len(found) + len(without))
+    return with_differences(found), tuple(without)
+
+
+def _some(impacts: Sequence[str]) -> str:
+    """The first of some impacts, and how many there are."""
+    return impacts[0] + (f" (and {len(impacts) - 1} more)" if len(impacts) > 1 else "")
 
 
 def _entries(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import transition_name
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.model.problem import OFFSET, Problem
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def resolution_of(n_draws: float) -> float:
 
 
 @dataclass(frozen=True)
-class Draws:
+class Draws(NamedQuantities):
     """Draws of the parameters (and noises), as a `Distribution`.
 
     Attributes
@@ -162,7 +163,7 @@ def _frozen(draws: Mapping[str, Array]) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
-class WeightedDraws:
+class WeightedDraws(NamedQuantities):
     """Draws of the parameters (and noises) with their weights, as a `Distribution`.
 
     Attributes

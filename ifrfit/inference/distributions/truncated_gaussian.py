@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.coordinates import to_parameters
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.result.types import State
 
@@ -20,7 +21,7 @@ _RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
 @dataclass(frozen=True)
-class TruncatedGaussian:
+class TruncatedGaussian(NamedQuantities):
     """Gaussian about the optimum in the coordinates e_n, closure constant, kappa, as a `Distribution`.
 
     Marginals are those of the uncut Gaussian, each cut at its own bounds and, where the noise comes from the

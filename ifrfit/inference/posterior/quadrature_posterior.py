@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
@@ -28,7 +29,7 @@ _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
 _RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
-class PosteriorByMarginals:
+class PosteriorByMarginals(NamedQuantities):
     """What a posterior says of each quantity by its `Marginal`, whatever the integral behind these."""
 
     if TYPE_CHECKING:
