@@ -82,6 +82,8 @@ class Cells:
         Whether numbers may have decimal commas.
     word : str
         ``line``, ``row`` or ``point``.
+    counted : str
+        How rows are numbered, in messages, where people might count in another way; empty for lines.
     notes : tuple of str
         Sentences about the file that go with every result.
     """
@@ -94,6 +96,7 @@ class Cells:
     columns: Sequence[CellColumn | DataError]
     decimal_commas: bool = False
     word: str = "line"
+    counted: str = ""
     notes: tuple[str, ...] = ()
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -110,7 +113,7 @@ class Cells:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""
         parts = [self.file]
         if row is not None:
-            parts.append(f"{self.word} {self.lines[row]}")
+            parts.append(f"{self.word} {self.lines[row]}{self.counted and f' ({self.counted})'}")
         elif header is not None and self.word == "line":
             parts.append(f"line {self.header_line}")
         if header is not None:

@@ -47,7 +47,8 @@ def read(
     Parameters
     ----------
     data : str, Path, pandas.DataFrame, polars.DataFrame, Arrow table, or mapping of str to array_like
-        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table. Its rows are called as the index
+        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table, which may be a structured array
+        or a list of rows, a mapping each. Its rows are called as the index
         of a pandas frame does where this holds different whole numbers, else from 0. A mapping of names to
         tables makes a series of each.
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
@@ -78,20 +79,27 @@ def read(
     conventions = parse_conventions(convention)
     if isinstance(data, str | Path):
         return observe(read_table(Path(data), conventions), conventions, inertia_factor)
-    from ifrfit.data.table_objects import cells_of_table, is_table, tables_of
+    from ifrfit.data.table_objects import cells_of_table, is_table, refuse_other, tables_of
 
     if not is_table(data):
-        raise UsageError(
-            f"A {type(data).__name__} is no table of impacts: give a path, a data frame, or a mapping of "
-            "columns."
-        )
+        refuse_other(data)
     if conventions.figure is not None or conventions.sheet is not None:
         said = "sheet=..." if conventions.figure is None else "x=..."
         raise UsageError(f"--convention {said}: is about a file, and a table was given. Leave it away.")
     tables = tables_of(data)
-    return combine(
-        [observe(cells_of_table(table, name), conventions, inertia_factor) for name, table in tables.items()]
-    )
+    try:
+        cells = [cells_of_table(table, name) for name, table in tables.items()]
+        return combine([observe(each, conventions, inertia_factor) for each in cells])
+    except DataError as error:
+        levels = max(
+            (getattr(getattr(each, "columns", None), "nlevels", 1) for each in tables.values()), default=1
+        )
+        if levels == 1:
+            raise
+        raise DataError(
+            f"{error.in_shell} Its columns have {levels} levels of names: to keep the last one alone, "
+            "table.columns = table.columns.get_level_values(-1)."
+        ) from None
 
 
 def read_table(path: Path, conventions: Conventions) -> Cells:

@@ -15,6 +15,7 @@ from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.stream.files import NotStreamableError, is_stream
 from ifrfit.data.stream.impact_stream import ImpactStream
+from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
@@ -28,7 +29,7 @@ from ifrfit.inference.keywords import (
     split_columns,
 )
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.parameters import Parameter, priors_beyond_domain
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -239,9 +240,12 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
     try:
-        if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
+        in_memory = noise.error_model.beyond_plain
+        in_memory += ("single rows by --exclude",) if selection.exclude else ()
+        if in_memory:
             raise NotStreamableError(
-                f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
+                f"{path}: {joined(in_memory)} need the table in memory, and a folder or a compressed file is "
+                "not held there. Leave them out, or fit a part of it in one file."
             )
         return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
@@ -264,6 +268,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
     assumed = (*model.published_words(), *solid)
 
     parameters = tuple(model.parameters(inertia))
+    assumed += priors_beyond_domain(parameters)
     # least squares, which facts on single rows take, know the normal law in the place of another
     shaped = [one for one in parameters if one.shape is not None and one.prior is not None]
     for_sample = replace(
@@ -422,7 +427,7 @@ def fit_problem(
         seed=seed,
         command=command,
         conditions=conditions,
-        assumed=assumed,
+        assumed=(*assumed, *priors_beyond_domain(problem.parameters)),
         summary=summary,
     )
     _LOG.info("closure %s: facts in %.3f s", problem.closure.title, time.perf_counter() - begin)
@@ -435,6 +440,9 @@ def gather(
     """Read what is to be read, and put several files or datasets together."""
     parts = _parts(data)
     tables = [part for part in parts if not isinstance(part, str | Path | Observations)]
+    for part in tables:
+        if not is_table(part):
+            refuse_other(part)
     found = []
     for part in parts:
         if isinstance(part, Observations):
@@ -451,7 +459,9 @@ def gather(
 
 
 def _parts(data: Data | Sequence[Data]) -> list[Data]:
-    """Each file, dataset or table."""
+    """Each file, dataset or table; a list of rows is one table."""
+    if is_records(data):
+        return [data]
     return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 

@@ -403,6 +403,8 @@ def make_parameters(
         moments = None if law is None else law.moments(lower, upper)
         if moments is not None:
             _check_prior(name, *moments, lower, upper)
+            if math.isinf(upper):
+                _check_reach(name, *moments)
         passive = default[name] if (lower, upper) != default[name] else None
         shape = law if isinstance(law, ShapedLaw) else None
         made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape))
@@ -449,6 +451,25 @@ def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) 
             f"--prior {name}={mean:g},{sd:g}: it lies outside the domain [{lower:g}, {upper:g}]. "
             f"If you mean it, widen it with --bounds {name}=LO,HI."
         )
+
+
+def _check_reach(name: str, mean: float, sd: float) -> None:
+    """Refuse a prior far beyond the default one: a slip of the decimal point would go unseen."""
+    if mean > _PRIOR_MU + _OUTSIDE * sd:
+        raise UsageError(
+            f"--prior {name}={mean:g},{sd:g}: a {name} beyond {_PRIOR_MU:g} is hardly one of an impact. "
+            f"If you mean it, say how far it may reach with --bounds {name}=0,HI."
+        )
+
+
+def priors_beyond_domain(parameters: Iterable[Parameter]) -> tuple[str, ...]:
+    """What is said of priors whose mean lies outside the domain, where an earlier measurement may lie."""
+    return tuple(
+        f"the prior of {one.name}, {one.prior[0]:g} +- {one.prior[1]:g}, cut off at the end of the domain "
+        f"[{one.lower:g}, {one.upper:g}], beyond which its mean lies"
+        for one in parameters
+        if one.prior is not None and not one.lower <= one.prior[0] <= one.upper
+    )
 
 
 def _check_bounds(name: str, lower: float, upper: float) -> None:
