@@ -172,8 +172,8 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
         If both say something, and as `Model`.
     """
     params = keywords.get("params")
+    _refuse_class("model", model, 'Model("ifr")')
     if model is not None and not isinstance(model, Model):
-        _refuse_class("model", model, 'Model("ifr")')
         raise UsageError(f"model: {model!r:.60} is no Model. Name a closure by --closure {model!s:.30}.")
     if model is not None:
         said = given(Model, keywords) | ({} if params is None else {"params": params})

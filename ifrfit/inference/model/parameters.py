@@ -404,7 +404,7 @@ def make_parameters(
         if moments is not None:
             _check_prior(name, *moments, lower, upper)
             if math.isinf(upper):
-                _check_reach(name, *moments)
+                _check_size(name, *moments)
         passive = default[name] if (lower, upper) != default[name] else None
         shape = law if isinstance(law, ShapedLaw) else None
         made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape))
@@ -453,7 +453,7 @@ def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) 
         )
 
 
-def _check_reach(name: str, mean: float, sd: float) -> None:
+def _check_size(name: str, mean: float, sd: float) -> None:
     """Refuse a prior far beyond the default one: a slip of the decimal point would go unseen."""
     if mean > _PRIOR_MU + _OUTSIDE * sd:
         raise UsageError(
