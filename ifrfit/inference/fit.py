@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.selection import rows_with_sigma
 from ifrfit.data.stream.files import NotStreamableError, is_stream
 from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.data.table_objects import is_records, is_table, refuse_other
@@ -30,7 +31,7 @@ from ifrfit.inference.keywords import (
 )
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.parameters import Parameter, priors_beyond_domain
-from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.model.problem import Problem, make_problem, noise_policy
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.option_fields import check_form
@@ -364,6 +365,9 @@ def make_question(
     if seed < 0:
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
+    sigma = observations.table["sigma"].to_numpy(dtype=float)
+    if noise_policy(observations, sigma, noise.policy) == "mixed":
+        observations = rows_with_sigma(observations)
     conditions = setting_of(observations, inertia_factor, scene)
     assumed = (
         *model.published_words(),

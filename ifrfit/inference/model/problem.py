@@ -420,7 +420,7 @@ def make_problem(
         raise DataError("No rows are left to fit.")
     rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    policy = _noise_policy(observations, sigma, noise)
+    policy = noise_policy(observations, sigma, noise)
     model = NoiseModel(policy, sigma, separate=separate_noise)
     problem = Problem(
         rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
@@ -430,7 +430,14 @@ def make_problem(
     return problem
 
 
-def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
+def noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
+    """What sigma means: as chosen, or as the data's own descriptors and their sigma have it.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `make_problem`.
+    """
     has_all = bool(np.isfinite(sigma).all())
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}

@@ -387,31 +387,15 @@ def _given(problem: Problem) -> tuple[str, ...]:
 
 def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
     """Which given sigmas are not used, why, and what would have them used."""
-    if not problem.noise.has_unknown:
+    if not problem.noise.is_unknown:
         return ()
-    table = problem.observations.table
-    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
-    groups = problem.groups()
-    if problem.noise.is_unknown and any(given[rows].all() for rows in groups.values()):
-        return (
-            f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
-            "from the misfit. Give every row a sigma, or choose --noise.",
-        )
-    said = []
-    for name, rows in groups.items():
-        lacking = rows[~given[rows]]
-        if lacking.size in (0, rows.size):
-            continue
-        series, _, observable = name.rpartition("/")
-        where = f" in {series}" if len(problem.series) > 1 else ""
-        first = table.iloc[int(lacking[0])]
-        count = f"{lacking.size} have none, the first" if lacking.size > 1 else "one has none"
-        said.append(
-            f"sigma is given for {rows.size - lacking.size} of {rows.size} values of {observable}{where}, "
-            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all "
-            "comes from the misfit. Give each a sigma, or leave those without one out."
-        )
-    return tuple(said)
+    given = np.isfinite(problem.observations.table["sigma"].to_numpy(dtype=float))
+    if not given.any():
+        return ()
+    return (
+        f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
+        "from the misfit. Give every row a sigma, or choose --noise.",
+    )
 
 
 def _versions() -> dict[str, str]:
