@@ -179,7 +179,7 @@ def _refuse_few_sigmas(of: Accumulated) -> None:
     for name, count in zip(names, used.tolist(), strict=True):
         reason = f"sigma of {name}"
         lost = of.tally.skipped[reason]
-        if lost > count:
+        if lost > count > 0:
             first = next(iter(of.tally.places.get(reason, [])), of.stream.path)
             whole = int(count + lost)
             raise DataError(
