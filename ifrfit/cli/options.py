@@ -56,6 +56,19 @@ def priors(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
+def expressions(option: str, given: Sequence[str]) -> dict[str, str]:
+    """NAME=EXPRESSION as a dictionary."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, equals, rest = (part.strip() for part in text.partition("="))
+        if not equals or not rest:
+            raise UsageError(f"{option} {text}: write it as NAME=EXPRESSION, as 'e_t=-1 + 0.1*mu'.")
+        if name in found:
+            raise UsageError(f"{option} {name} is given twice.")
+        found[name] = rest
+    return found
+
+
 def ends(option: str, text: str | None) -> tuple[float, float] | None:
     """LO,HI as two numbers."""
     if text is None:
@@ -244,6 +257,7 @@ _FORMS: Mapping[Form, Any] = {
     "values": Repeated,
     "pairs": Repeated,
     "priors": Repeated,
+    "expressions": Repeated,
     "range": str | None,
     "flag": bool,
 }
@@ -306,6 +320,8 @@ def _read(option: Option, value: Any) -> Any:
         return pairs(option.flag, value, str(option.metavar))
     if option.form == "priors":
         return priors(option.flag, value, str(option.metavar))
+    if option.form == "expressions":
+        return expressions(option.flag, value)
     if option.form == "words":
         return words(value)
     return ends(option.flag, value) if option.form == "range" else value

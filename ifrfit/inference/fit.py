@@ -20,7 +20,13 @@ from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset, refuses_prior
+from ifrfit.inference.estimators import (
+    Estimator,
+    refuse_crew_in_memory,
+    refuses_offset,
+    refuses_prior,
+    refuses_tie,
+)
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -96,10 +102,10 @@ def fit(
         a bar under the cell where that takes more than two seconds.
     command : str
         The command line, for the record.
-    closure, fix, prior, prior_from, bounds, separate, inertia_factor
+    closure, fix, prior, prior_from, bounds, separate, tie, inertia_factor
         Fields of `Model`.
     params : lmfit.Parameters
-        Fixed values and bounds in lmfit's form.
+        Fixed values, bounds and expressions (as `tie`) in lmfit's form.
     observable, series : str or sequence of str
         Use only these.
     gamma_min, gamma_max : float
@@ -183,6 +189,10 @@ def _streamed(
     if path is None:
         refuse_crew_in_memory(estimator)
         return None
+    if model.tie:
+        if _is_plain_file(path):
+            return None
+        raise UsageError(f"{path}: --tie takes rows that are held in memory. Fit a part of them in one file.")
     from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
     from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
@@ -410,7 +420,10 @@ def fit_problem(
         As the method.
     """
     reason = (
-        refuses_prior(estimator, problem) or refuses_offset(estimator, problem) or estimator.refuses(problem)
+        refuses_prior(estimator, problem)
+        or refuses_offset(estimator, problem)
+        or refuses_tie(estimator, problem)
+        or estimator.refuses(problem)
     )
     if reason:
         raise UsageError(reason)

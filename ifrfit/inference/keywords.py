@@ -42,6 +42,7 @@ class ConstantKeywords(TypedDict, total=False):
     prior_from: str | None
     bounds: Mapping[str, Range] | None
     separate: str | Collection[str]
+    tie: Mapping[str, str] | None
     inertia_factor: float | None
     params: lmfit.Parameters | None
 

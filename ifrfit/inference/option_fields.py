@@ -16,7 +16,18 @@ from typing import Any, Literal, TypeVar
 from ifrfit.errors import UsageError
 
 Form = Literal[
-    "text", "number", "integer", "path", "names", "words", "values", "pairs", "priors", "range", "flag"
+    "text",
+    "number",
+    "integer",
+    "path",
+    "names",
+    "words",
+    "values",
+    "pairs",
+    "priors",
+    "expressions",
+    "range",
+    "flag",
 ]
 
 Choices = Callable[[], Iterable[str]]
@@ -35,7 +46,8 @@ class Option:
     form : str
         How it is written on the command line. names: NAME, repeatable; words: NAME,NAME, repeatable, of names
         that hold no comma; values: NAME=VALUE, repeatable; pairs: NAME=A,B, repeatable; priors: these, or
-        NAME=LAW:A,B; range: LO,HI; flag: no value; text, number, integer and path: one such word.
+        NAME=LAW:A,B; expressions: NAME=EXPRESSION, repeatable; range: LO,HI; flag: no
+        value; text, number, integer and path: one such word.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
@@ -194,7 +206,16 @@ def _is_prior(value: object) -> bool:
     return _is_pair(value) or (hasattr(value, "moments") and not isinstance(value, type))
 
 
-_NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair, "priors": _is_prior}
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+_NAMED: dict[str, Callable[[object], bool]] = {
+    "values": _is_number,
+    "pairs": _is_pair,
+    "priors": _is_prior,
+    "expressions": _is_text,
+}
 # form: whether a value has it; what one of a mapping is to be; what the whole is to be
 _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
     "text": (lambda value: isinstance(value, str), "", "a word"),
@@ -213,6 +234,11 @@ _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
         lambda value: False,
         "two numbers, mean and sd, nor a law as ifrfit.LogNormal(0.1, 0.3)",
         'a mapping of constants to priors, as {"mu": (0.1, 0.02)}',
+    ),
+    "expressions": (
+        lambda value: False,
+        'an expression, as "-1 + 0.1*mu"',
+        'a mapping of constants to expressions, as {"e_t": "-1 + 0.1*mu"}',
     ),
     "range": (_is_pair, "", "two numbers"),
     "flag": (lambda value: isinstance(value, int), "", "True or False"),

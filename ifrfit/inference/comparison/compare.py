@@ -133,6 +133,8 @@ def compare(
         )
     data, options = split_columns("compare", QuestionKeywords, data, keywords)
     chosen, scatter = model_of(model, options), noise_of(noise)
+    if chosen.tie:
+        raise UsageError("A comparison is by exact posterior, which does not know --tie. Leave it out.")
     asked, notes = chosen_closures(closures, scatter.is_plain)
     path = stream_path(data)
     stream = None if path is None else open_stream(path, chosen, scatter, options)
@@ -241,6 +243,8 @@ def compare_result(result: FitResult) -> Comparison:
         If the result does not keep its question, or a closure cannot be fitted.
     """
     problem, _ = question_of(result)
+    if problem.parameters.is_tied:
+        raise UsageError("Constants are tied, which other closures do not have in the same sense.")
     closures, notes = known_to(problem.error_model.is_plain)
     fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
     return _weighed(fits, notes, loo=False, seed=result.seed)

@@ -57,7 +57,9 @@ class Draws(NamedQuantities):
             If a free parameter has no draws.
         """
         others = [name for name in draws if name.startswith("noise") or name == OFFSET]
-        found = {name: draws[name] for name in problem.parameters.free_names} | kappa_draws(problem, draws)
+        draws = {**draws, **problem.parameters.tied_draws(draws)}
+        names = (*problem.parameters.free_names, *problem.parameters.tied_names)
+        found = {name: draws[name] for name in names} | kappa_draws(problem, draws)
         found |= {name: draws[name] for name in others}
         transitions = {
             transition_name(series): np.broadcast_to(_transition(problem, draws, number), _shape(found))

@@ -36,6 +36,7 @@ from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.optimize.noise_modes import likely_sigma
@@ -188,7 +189,9 @@ def build_result(
     about = summary or summarize_optimum(asked, optimum, conditions)
     own = estimation.distribution
     constants, kappas, transitions = _estimates(problem, about, estimation)
-    names = problem.parameters.free_names
+    brief = brief or problem.parameters.is_tied  # other fits of the same rows do not know the ties
+    constants = _with_ties(problem, constants)
+    names = problem.parameters.moving_names
     distribution: Distribution = about.gaussian if own is None else own
     noise = NoiseSummary(
         reported_policy(problem),
@@ -243,6 +246,23 @@ def build_result(
         profiles=estimation.profiles,
         files=estimation.files,
     )
+
+
+def _with_ties(problem: Problem, constants: Constants) -> Constants:
+    """The constants, those that are tied with their expression as the reason of their status."""
+    if not problem.parameters.is_tied:
+        return constants
+    said = {name: f"tied: {text}" for name, text in problem.parameters.ties.expressions.items()}
+
+    def told(name: str, found: Estimate) -> Estimate:
+        return replace(found, reason=said[name]) if name in said else found
+
+    return {
+        name: told(name, found)
+        if isinstance(found, Estimate)
+        else {series: told(entry_name(name, series), own) for series, own in found.items()}
+        for name, found in constants.items()
+    }
 
 
 def _drawn(distribution: Distribution | None, seed: int) -> Mapping[str, Any] | None:
@@ -360,6 +380,12 @@ def _misfit(
 
 def _warnings(problem: Problem) -> tuple[str, ...]:
     said = list(problem.observations.notes)
+    if problem.parameters.is_tied:
+        each = (f"{name} = {text}" for name, text in problem.parameters.ties.expressions.items())
+        said.append(
+            f"Tied: {', '.join(each)}. The optimum is the best of many starts, not proven; slips, outliers, "
+            "effects, sharing, profiles and other closures are not looked for beside ties."
+        )
     rows = problem.rows
     ignored = [
         problem.observations.called(column)
