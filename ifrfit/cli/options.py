@@ -191,13 +191,23 @@ class SharedCommand:
         Whether it takes one closure.
     methods : bool
         Whether it takes a method with its options: then ``question`` holds the object as ``method``.
+    ties : bool
+        Whether constants may be tied.
     """
 
-    def __init__(self, run: Callable[..., None], *, closure: bool = True, methods: bool = False) -> None:
+    def __init__(
+        self,
+        run: Callable[..., None],
+        *,
+        closure: bool = True,
+        methods: bool = False,
+        ties: bool = False,
+    ) -> None:
         functools.update_wrapper(self, run)
         self._run = run
         self._closure = closure
         self._methods = methods
+        self._ties = ties
 
     def _model(self) -> dict[str, Option]:
         from ifrfit.inference.options import Model
@@ -205,6 +215,8 @@ class SharedCommand:
         found = options_of(Model)
         if not self._closure:
             del found["closure"]
+        if not self._ties:
+            del found["tie"]
         return found
 
     @property

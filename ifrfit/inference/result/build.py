@@ -252,15 +252,15 @@ def _with_ties(problem: Problem, constants: Constants) -> Constants:
     """The constants, those that are tied with their expression as the reason of their status."""
     if not problem.parameters.is_tied:
         return constants
-    said = {name: f"tied: {text}" for name, text in problem.parameters.ties.expressions.items()}
+    reasons = {name: f"tied: {text}" for name, text in problem.parameters.ties.expressions.items()}
 
-    def told(name: str, found: Estimate) -> Estimate:
-        return replace(found, reason=said[name]) if name in said else found
+    def with_reason(name: str, found: Estimate) -> Estimate:
+        return replace(found, reason=reasons[name]) if name in reasons else found
 
     return {
-        name: told(name, found)
+        name: with_reason(name, found)
         if isinstance(found, Estimate)
-        else {series: told(entry_name(name, series), own) for series, own in found.items()}
+        else {series: with_reason(entry_name(name, series), own) for series, own in found.items()}
         for name, found in constants.items()
     }
 
