@@ -86,6 +86,8 @@ class Cells:
         How rows are numbered, in messages, where people might count in another way; empty for lines.
     notes : tuple of str
         Sentences about the file that go with every result.
+    in_memory : bool
+        Whether it is no file: its name is then not cut at slashes and dots.
     """
 
     file: str
@@ -98,6 +100,7 @@ class Cells:
     word: str = "line"
     counted: str = ""
     notes: tuple[str, ...] = ()
+    in_memory: bool = False
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -107,7 +110,12 @@ class Cells:
     @property
     def name(self) -> str:
         """The file without its folder, for notes that go into results."""
-        return Path(self.file).name
+        return self.file if self.in_memory else Path(self.file).name
+
+    @property
+    def label(self) -> str:
+        """What a series is called that the table does not name: the file without folder and ending."""
+        return self.file if self.in_memory else Path(self.file).stem
 
     def at(self, row: int | None = None, header: str | None = None) -> str:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""

@@ -142,7 +142,7 @@ def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4)
         validate(some, cells)
         kept.append(some)
         skipped.update(why)
-    return _assemble(Path(cells.file), layout, kept, dict(skipped))
+    return _assemble(layout, kept, dict(skipped))
 
 
 def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
@@ -168,9 +168,7 @@ def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
                 )
 
 
-def _assemble(
-    path: Path, layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int]
-) -> Observations:
+def _assemble(layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int]) -> Observations:
     """Join the pieces in the order of the file."""
     cells = layout.cells
     rows = np.concatenate([piece.rows for piece in pieces])
@@ -186,12 +184,12 @@ def _assemble(
         parts = [np.asarray(piece.columns[name]) for piece in pieces]
         columns[name] = parts[0] if len(parts) == 1 else np.concatenate(parts)[order]
     refuse_restarted_impacts(layout, columns, rows)
-    columns["series"] = _labels(layout, "series", _as_text(path.stem))[rows]
+    columns["series"] = _labels(layout, "series", _as_text(cells.label))[rows]
     provenance = _provenances(layout)[rows]
-    columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}
+    columns |= {"provenance": provenance, "source": _as_text(cells.name), "row": cells.lines[rows]}
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
     source = Source(
-        name=_as_text(path.name),
+        name=_as_text(cells.name),
         sha256=cells.sha256,
         rows=len(rows) + sum(skipped.values()),
         rows_used=len(rows),

@@ -108,7 +108,9 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
         raise DataError(f"{name}: there is no column. Give an angle and what was measured.")
     if not rows.size:
         raise DataError(f"{name}: there is no row. Give one impact a row.")
-    cells = Cells(name, _digest(names, columns), names, 0, rows, columns, word="row", counted=counted)
+    cells = Cells(
+        name, _digest(names, columns), names, 0, rows, columns, word="row", counted=counted, in_memory=True
+    )
     check_headers(cells)
     return cells
 

@@ -217,3 +217,11 @@ def test_a_class_is_no_object():
         ifrfit.fit(**COLUMNS, noise=ifrfit.Noise)
     with pytest.raises(UsageError, match=r"model: Model is a class. Give an object, as ifrfit.Model"):
         ifrfit.fit(**COLUMNS, model=ifrfit.Model)
+
+
+def test_names_of_tables_are_those_of_their_series_whatever_they_hold():
+    names = ["0.5 mm", "0.7 mm", "steel/glass", "steel/brass", "<b>"]
+    tables = {name: FRAME.assign(beta=FRAME["beta"] + 0.01 * i) for i, name in enumerate(names)}
+    found = ifrfit.read(tables)
+    assert list(found.table["series"].unique()) == names
+    assert [source.name for source in found.sources] == names
