@@ -262,6 +262,7 @@ class SharedCommand:
 _FORMS: Mapping[Form, Any] = {
     "text": str | None,
     "number": float | None,
+    "fraction": str | None,
     "integer": int | None,
     "path": Path | None,
     "names": Repeated,

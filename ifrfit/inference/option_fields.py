@@ -18,6 +18,7 @@ from ifrfit.errors import UsageError
 Form = Literal[
     "text",
     "number",
+    "fraction",
     "integer",
     "path",
     "names",
@@ -47,7 +48,8 @@ class Option:
         How it is written on the command line. names: NAME, repeatable; words: NAME,NAME, repeatable, of names
         that hold no comma; values: NAME=VALUE, repeatable; pairs: NAME=A,B, repeatable; priors: these, or
         NAME=LAW:A,B; expressions: NAME=EXPRESSION, repeatable; range: LO,HI; flag: no
-        value; text, number, integer and path: one such word.
+        value; text, number, integer and path: one such word;
+        fraction: a number, also as 2/3.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
@@ -179,6 +181,19 @@ def check_form(flag: str, form: Form, value: object) -> None:
         raise UsageError(f"{flag}: {value!r:.60} is not {_FORMS[form][2]}.")
 
 
+def number_of(value: object) -> float | None:
+    """A number, also where a text says it as the quotient of two; None for what is none."""
+    if isinstance(value, bool) or not isinstance(value, Real | str):
+        return None
+    if isinstance(value, Real):
+        return float(value)
+    above, slash, below = value.partition("/")
+    try:
+        return float(above) / float(below) if slash else float(above)
+    except (ValueError, ZeroDivisionError):
+        return None
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -220,6 +235,7 @@ _NAMED: dict[str, Callable[[object], bool]] = {
 _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
     "text": (lambda value: isinstance(value, str), "", "a word"),
     "number": (_is_number, "", "a number"),
+    "fraction": (lambda value: number_of(value) is not None, "", "a number, nor two as 2/3"),
     "integer": (lambda value: _is_number(value) and isinstance(value, Integral), "", "a whole number"),
     "path": (lambda value: isinstance(value, str | PathLike), "", "a path"),
     "names": (_is_names, "", "a name or several names"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.error_model import ANGLES, ErrorModel
-from ifrfit.inference.option_fields import Options, nested, option, plain
+from ifrfit.inference.option_fields import Options, nested, number_of, option, plain
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
@@ -76,7 +76,7 @@ class Model(Options):
         Constant, or "mu[series]" where it is separate, to an expression of others in lmfit's syntax:
         ``{"e_t": "-1 + 0.1*mu"}``, ``{"e_t[b]": "e_t[a]"}``. Known to least squares and mcmc.
     inertia_factor : float or None
-        J = I/(m R^2); by default the dataset's, else 2/5.
+        J = I/(m R^2), a number or as "2/3"; by default the dataset's, else 2/5.
 
     Raises
     ------
@@ -128,7 +128,7 @@ class Model(Options):
     inertia_factor: float | None = option(
         None,
         "I/(m R^2): 2/5 solid, 2/3 hollow ball, 1/2 disc.",
-        form="number",
+        form="fraction",
         metavar="J",
         unset="the dataset's, else 2/5",
     )
@@ -140,6 +140,8 @@ class Model(Options):
             object.__setattr__(self, name, dict(getattr(self, name) or {}))
         names = (self.separate,) if isinstance(self.separate, str) else tuple(self.separate or ())
         object.__setattr__(self, "separate", names)
+        if self.inertia_factor is not None:
+            object.__setattr__(self, "inertia_factor", number_of(self.inertia_factor))
         j = self.inertia_factor
         if j is not None and not 0.0 < j < math.inf:
             raise UsageError(f"--inertia-factor {j:g}: it must be positive (2/5 for a solid sphere).")
