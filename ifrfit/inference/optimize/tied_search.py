@@ -7,14 +7,12 @@ from scipy import optimize
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.multistart import starts
+from ifrfit.inference.optimize.multistart import distinct, starts
 from ifrfit.inference.optimize.optimum import Array, Optimum, objective_at
-from ifrfit.inference.optimize.piecewise import NEAR
 
 TIED = "constants tied"  # how the method of such an optimum ends
 _FOLLOWED = 12  # of the best starts
 _OUTSIDE = 1e3  # per unit of the domain's width: residual of a tied constant beyond its domain
-_SAME = 1e-4  # of the domain's width, between minima that are one
 _STEPS = 30  # of the noise, until the search from its mode takes over
 
 
@@ -42,33 +40,34 @@ def tied_search(problem: Problem, sigma: Array, near: Array | None = None) -> Op
     residual = _Residual(problem, sigma)
     value = np.array([float(np.sum(np.square(residual(own[parameters.free])))) for own in theta])
     found: list[tuple[float, Array]] = []
-    low, high = (ends[parameters.free] for ends in _ends(problem))
+    low, high = (ends[parameters.free] for ends in parameters.bounds())
+    width = _widths(problem)[parameters.free]
     for place in np.argsort(value, kind="stable")[:_FOLLOWED]:
         start = np.clip(theta[place][parameters.free], low, high)
         ended = optimize.least_squares(
-            residual, start, bounds=(low, high), x_scale=high - low, xtol=1e-14, ftol=1e-14, gtol=1e-12
+            residual, start, bounds=(low, high), x_scale=width, xtol=1e-14, ftol=1e-14, gtol=1e-12
         )
         at = parameters.theta(ended.x[None])[0]
         if np.isfinite(at).all():
             found.append((float(2.0 * ended.cost), at))
     found.sort(key=lambda pair: pair[0])
     if found:
-        found.insert(0, _polished(problem, residual, found[0][1], low, high))
-    kept: list[tuple[float, Array]] = []
-    width = np.where(parameters.free, np.subtract(*_ends(problem)[::-1]), 1.0)
-    for _, at in found:
-        inside = bool(parameters.ties_inside(_drawn_in(problem, at)[None])[0])
-        if inside and all((np.abs(at - other) > _SAME * width).any() for _, other in kept):
-            kept.append((objective_at(problem, sigma, _drawn_in(problem, at)), _drawn_in(problem, at)))
+        found.insert(0, _polished(problem, residual, found[0][1]))
+    kept = [
+        (objective_at(problem, sigma, at), at)
+        for at in (_drawn_in(problem, each) for _, each in found)
+        if parameters.ties_inside(at[None])[0]
+    ]
+    kept.sort(key=lambda pair: pair[0])
     if not kept:
         raise UsageError(
             f"{_said(problem)}: leads out of the domain wherever the data are described. Widen it "
             "with --bounds, or mend the expression."
         )
-    best = kept[0][0]
-    minima = tuple(pair for pair in kept if pair[0] <= best + NEAR)
     method = f"best of {len(starts(problem))} starts, {TIED}"
-    return Optimum(kept[0][1], best, None, minima, method, is_local=near is not None)
+    return Optimum(
+        kept[0][1], kept[0][0], None, distinct(problem, sigma, kept), method, is_local=near is not None
+    )
 
 
 def searched_sigma(problem: Problem) -> Array:
@@ -91,9 +90,7 @@ def searched_sigma(problem: Problem) -> Array:
     return sigma
 
 
-def _polished(
-    problem: Problem, residual: _Residual, theta: Array, low: Array, high: Array
-) -> tuple[float, Array]:
+def _polished(problem: Problem, residual: _Residual, theta: Array) -> tuple[float, Array]:
     """The same minimum without derivatives, which kinks of the transition mislead by some 1e-3 sd."""
     parameters = problem.parameters
 
@@ -101,7 +98,9 @@ def _polished(
         return float(np.sum(np.square(residual(free))))
 
     start = theta[parameters.free]
-    simplex = np.clip(start + 1e-4 * (high - low) * np.eye(start.size + 1, start.size, -1), low, high)
+    low, high = (ends[parameters.free] for ends in parameters.bounds())
+    steps = 1e-4 * _widths(problem)[parameters.free]
+    simplex = np.clip(start + steps * np.eye(start.size + 1, start.size, -1), low, high)
     ended = optimize.minimize(
         objective,
         start,
@@ -125,9 +124,9 @@ class _Residual:
         parameters = self._problem.parameters
         theta = parameters.theta(free[None])[0]
         tied = parameters.ties.tied
-        low, high = _ends(self._problem)
+        low, high = parameters.bounds()
         inside = np.where(tied, np.clip(theta, low, high), theta)
-        beyond = _OUTSIDE * (theta - inside)[tied] / (high - low)[tied]
+        beyond = _OUTSIDE * (theta - inside)[tied] / _widths(self._problem)[tied]
         residual = self._problem.residual(inside) / self._sigma
         prior = parameters.prior_residuals(inside)
         each = np.concatenate((residual, prior, beyond))
@@ -142,10 +141,9 @@ def _drawn_in(problem: Problem, theta: Array) -> Array:
     return np.asarray(np.where(problem.parameters.ties.tied & beyond, np.clip(theta, low, high), theta))
 
 
-def _ends(problem: Problem) -> tuple[Array, Array]:
-    """Finite ends of the domains of all entries."""
-    entries = problem.parameters.entries
-    return np.array([each.lower for each in entries]), np.array([each.domain.prior_upper for each in entries])
+def _widths(problem: Problem) -> Array:
+    """Finite widths of the domains of all entries."""
+    return np.array([each.domain.prior_upper - each.lower for each in problem.parameters.entries])
 
 
 def _said(problem: Problem) -> str:
