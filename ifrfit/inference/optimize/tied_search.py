@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import optimize
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.problem import Problem
@@ -31,6 +30,8 @@ def tied_search(problem: Problem, sigma: Array, near: Array | None = None) -> Op
     UsageError
         Where no constants within the domain obey the ties.
     """
+    from scipy import optimize  # no other fit needs it
+
     parameters = problem.parameters
     places = np.array(starts(problem) if near is None else [near])
     theta = parameters.theta(places[:, parameters.free])
@@ -92,6 +93,8 @@ def searched_sigma(problem: Problem) -> Array:
 
 def _polished(problem: Problem, residual: _Residual, theta: Array) -> tuple[float, Array]:
     """The same minimum without derivatives, which kinks of the transition mislead by some 1e-3 sd."""
+    from scipy import optimize
+
     parameters = problem.parameters
 
     def objective(free: Array) -> float:
