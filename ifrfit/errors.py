@@ -47,6 +47,20 @@ class UsageError(IfrfitError, ValueError):
     exit_status = 2
 
 
+class UnknownNameError(UsageError, KeyError):
+    """A name that a mapping or a distribution does not have; its text says which there are.
+
+    Examples
+    --------
+    >>> import ifrfit
+    >>> try:
+    ...     ifrfit.fit("cornell-glass").distribution.mean("kapa")
+    ... except ifrfit.UsageError as error:
+    ...     print(str(error)[:44], "...", str(error)[-23:])
+    There is no quantity 'kapa'. There are e_n, ... Did you mean kappa?
+    """
+
+
 class DataError(IfrfitError, ValueError):
     """The data are refused. The text names the file, the line and the column where there is one.
 
@@ -56,8 +70,8 @@ class DataError(IfrfitError, ValueError):
     >>> try:
     ...     ifrfit.read({"gamma_deg": [10, 40], "beta": [0.4, "high"]})
     ... except ifrfit.DataError as error:
-    ...     print(error)
-    table, row 1, column beta: 'high' is not a number. Correct it, or leave the cell empty for "not measured".
+    ...     print(str(error)[:66])
+    table, row 1 (counted from 0), column beta: 'high' is not a number
     """
 
     exit_status = 3

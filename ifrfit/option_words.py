@@ -91,6 +91,9 @@ def _option(found: re.Match[str]) -> str:
     owner, field = _FIELDS.get(name, ("", name.replace("-", "_")))
     if name in _FLAGS:
         said = f"{field}=True"
+    elif name == "tie" and "=" in value:
+        constant, _, expression = value.strip("'").partition("=")
+        said = f'{field}={{"{constant}": "{expression}"}}'
     elif name in _MAPPINGS and value:
         constant, _, numbers = value.partition("=")
         said = f'{field}={{"{constant}": {_literal(numbers or "...")}}}'

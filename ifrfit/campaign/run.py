@@ -138,6 +138,8 @@ def run_campaign(
     estimator = estimator_of(method)
     if estimator.name not in METHODS:
         raise UsageError(f"--method {estimator.name}: campaigns take {', '.join(METHODS)}.")
+    if model is not None and model.tie:
+        raise UsageError("A campaign does not know --tie: leave it out, or fit each group by itself.")
     conventions = parse_conventions(keywords.pop("convention", ()))
     question = GroupQuestion(
         conventions, model_of(model, {}), noise_of(noise), estimator, keywords, seed, facts

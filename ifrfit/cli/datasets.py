@@ -8,15 +8,21 @@ from typing import Annotated
 import typer
 
 from ifrfit.cli.completion import complete_dataset, completer
+from ifrfit.cli.grouped_help import DATA, GroupedCommand
 from ifrfit.cli.options import Repeated, offered_conventions
 from ifrfit.cli.output import command, fitting
 
-Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_dataset)]
+Name = Annotated[
+    str,
+    typer.Argument(metavar="NAME", help="One of 'ifrfit datasets list'.", autocompletion=complete_dataset),
+]
 Convention = Annotated[
     Repeated,
     typer.Option(
         metavar="NAME=CHOICE",
-        help="How a column is meant; 'ifrfit conventions' lists all.",
+        help="How a column is meant; 'ifrfit conventions' lists all.  [repeatable; default: none]",
+        show_default=False,
+        rich_help_panel=DATA,
         autocompletion=completer(offered_conventions),
     ),
 ]
@@ -28,7 +34,7 @@ datasets = typer.Typer(
 )
 
 
-@datasets.command("list")
+@datasets.command("list", cls=GroupedCommand)
 @command
 def datasets_list() -> None:
     """Every dataset with its provenance."""
@@ -39,7 +45,7 @@ def datasets_list() -> None:
         typer.echo(line)
 
 
-@datasets.command("show")
+@datasets.command("show", cls=GroupedCommand)
 @command
 def datasets_show(name: Name) -> None:
     """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
@@ -49,10 +55,10 @@ def datasets_show(name: Name) -> None:
         typer.echo(line)
 
 
-@datasets.command("validate")
+@datasets.command("validate", cls=GroupedCommand)
 @command
 def datasets_validate(
-    path: Annotated[str, typer.Argument(help="A CSV file or a dataset folder.")],
+    path: Annotated[str, typer.Argument(metavar="PATH", help="A CSV file or a dataset folder.")],
     convention: Convention = [],  # noqa: B006
 ) -> None:
     """Read a file or a dataset folder, and say what is in it."""
@@ -70,13 +76,18 @@ def datasets_validate(
         typer.echo(f"  note  {note}")
 
 
-@datasets.command("install")
+@datasets.command("install", cls=GroupedCommand)
 @command
 def datasets_install(
     name: Name,
-    file: Path,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Your table.")],
     provenance: Annotated[
-        str, typer.Option(help="Where rows do not say it: digitised, published or measured.")
+        str,
+        typer.Option(
+            metavar="WORD",
+            help="Where rows do not say it: digitised, published or measured.",
+            rich_help_panel=DATA,
+        ),
     ] = "digitised",
     convention: Convention = [],  # noqa: B006
 ) -> None:
@@ -89,7 +100,7 @@ def datasets_install(
     )
 
 
-@datasets.command("remove")
+@datasets.command("remove", cls=GroupedCommand)
 @command
 def datasets_remove(name: Name) -> None:
     """Take your digitisation away; the bundled dataset is back."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ifrfit.inference import FitResult
 
 
-@partial(SharedCommand, methods=True)
+@partial(SharedCommand, methods=True, ties=True)
 def fit(
     question: dict[str, Any],
     intervals: Annotated[

@@ -22,7 +22,7 @@ from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.export import export
 from ifrfit.cli.fit import fit
-from ifrfit.cli.grouped_help import WIDEST, GroupedCommand
+from ifrfit.cli.grouped_help import DATA, MODEL, WIDEST, GroupedCommand
 from ifrfit.cli.import_figure import import_figure
 from ifrfit.cli.materials import materials
 from ifrfit.cli.options import Repeated, SharedCommand, numbers
@@ -80,17 +80,37 @@ app.command("compare", help=compare.__doc__)(_listed)
 app.command("campaign", help=campaign.__doc__)(_listed)
 
 
-@app.command()
+@app.command(cls=GroupedCommand)
 @command
 def predict(
-    result: Annotated[Path, typer.Argument(metavar="RESULT.json")],
-    gamma: Annotated[str, typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.")],
-    spin_x: Annotated[float, typer.Option(help="R omega_x/u before.")] = 0.0,
-    spin_y: Annotated[float, typer.Option(help="R omega_y/u before; back-spin is positive.")] = 0.0,
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Of ifrfit fit.")],
+    gamma: Annotated[
+        str,
+        typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.", rich_help_panel=DATA),
+    ],
+    spin_x: Annotated[
+        float, typer.Option(metavar="S", help="R omega_x/u before.", rich_help_panel=DATA)
+    ] = 0.0,
+    spin_y: Annotated[
+        float,
+        typer.Option(metavar="S", help="R omega_y/u before; back-spin is positive.", rich_help_panel=DATA),
+    ] = 0.0,
     observable: Annotated[
-        Repeated, typer.Option(metavar="NAME", help="What to predict; by default what was fitted.")
+        Repeated,
+        typer.Option(
+            metavar="NAME",
+            help="What to predict.  [repeatable; default: what was fitted]",
+            show_default=False,
+        ),
     ] = [],  # noqa: B006
-    series: Annotated[str | None, typer.Option(metavar="NAME", help="Whose constants and noise.")] = None,
+    series: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Whose constants and noise.  [default: those that all share]",
+            rich_help_panel=MODEL,
+        ),
+    ] = None,
 ) -> None:
     """Values with credible and predictive intervals, as CSV."""
     import pandas as pd
@@ -112,7 +132,7 @@ def predict(
     typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
 
 
-app.command()(command(report))
+app.command(cls=GroupedCommand)(command(report))
 app.command()(export)
 
 
@@ -157,7 +177,7 @@ def reproduce(
     typer.echo(text, nl=False)
 
 
-app.command()(simulate)
+app.command(cls=GroupedCommand)(simulate)
 app.command("cost", help=cost.__doc__)(_listed)
 app.command("import")(import_figure)
 app.command()(check)

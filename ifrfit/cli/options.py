@@ -56,6 +56,19 @@ def priors(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
+def expressions(option: str, given: Sequence[str]) -> dict[str, str]:
+    """NAME=EXPRESSION as a dictionary."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, equals, rest = (part.strip() for part in text.partition("="))
+        if not equals or not rest:
+            raise UsageError(f"{option} {text}: write it as NAME=EXPRESSION, as 'e_t=-1 + 0.1*mu'.")
+        if name in found:
+            raise UsageError(f"{option} {name} is given twice.")
+        found[name] = rest
+    return found
+
+
 def ends(option: str, text: str | None) -> tuple[float, float] | None:
     """LO,HI as two numbers."""
     if text is None:
@@ -187,13 +200,23 @@ class SharedCommand:
         Whether it takes one closure.
     methods : bool
         Whether it takes a method with its options: then ``question`` holds the object as ``method``.
+    ties : bool
+        Whether constants may be tied.
     """
 
-    def __init__(self, run: Callable[..., None], *, closure: bool = True, methods: bool = False) -> None:
+    def __init__(
+        self,
+        run: Callable[..., None],
+        *,
+        closure: bool = True,
+        methods: bool = False,
+        ties: bool = False,
+    ) -> None:
         functools.update_wrapper(self, run)
         self._run = run
         self._closure = closure
         self._methods = methods
+        self._ties = ties
 
     def _model(self) -> dict[str, Option]:
         from ifrfit.inference.options import Model
@@ -201,6 +224,8 @@ class SharedCommand:
         found = options_of(Model)
         if not self._closure:
             del found["closure"]
+        if not self._ties:
+            del found["tie"]
         return found
 
     @property
@@ -246,6 +271,7 @@ class SharedCommand:
 _FORMS: Mapping[Form, Any] = {
     "text": str | None,
     "number": float | None,
+    "fraction": str | None,
     "integer": int | None,
     "path": Path | None,
     "names": Repeated,
@@ -253,6 +279,7 @@ _FORMS: Mapping[Form, Any] = {
     "values": Repeated,
     "pairs": Repeated,
     "priors": Repeated,
+    "expressions": Repeated,
     "range": str | None,
     "flag": bool,
 }
@@ -315,6 +342,8 @@ def _read(option: Option, value: Any) -> Any:
         return pairs(option.flag, value, str(option.metavar))
     if option.form == "priors":
         return priors(option.flag, value, str(option.metavar))
+    if option.form == "expressions":
+        return expressions(option.flag, value)
     if option.form == "words":
         return words(value)
     return ends(option.flag, value) if option.form == "range" else value

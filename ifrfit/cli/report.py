@@ -12,20 +12,21 @@ from ifrfit.errors import UsageError
 
 
 def report(
-    results: Annotated[list[Path], typer.Argument(metavar="RESULT.json...")],
+    results: Annotated[list[Path], typer.Argument(metavar="RESULT.json...", help="Of ifrfit fit.")],
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE|DIR",
-            help="The report; with several results the folder for their reports and index.html. "
-            "By default beside RESULT.json.",
+            help="The report; with several results the folder for their reports and index.html.  "
+            "[default: beside RESULT.json]",
         ),
     ] = None,
     form: Annotated[
         str | None,
         typer.Option(
             "--format",
-            help="html, md; any other word lists all. By default as FILE ends.",
+            metavar="NAME",
+            help="html, md; any other word lists all.  [default: as FILE ends, else html]",
             show_default=False,
         ),
     ] = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.output import Quiet, command, of_width, say, working
 
 if TYPE_CHECKING:
@@ -19,7 +20,9 @@ def simulate(
     samples: Annotated[
         int | None,
         typer.Option(
-            metavar="N", help="Impacts at each grid point; by default 200 where anything is drawn, else 1."
+            metavar="N",
+            help="Impacts at each grid point.  [default: 200 where anything is drawn, else 1]",
+            rich_help_panel=METHOD,
         ),
     ] = None,
     out: Annotated[
@@ -35,7 +38,10 @@ def simulate(
     cost: Annotated[
         bool, typer.Option("--cost", help="Measure what each effect adds to the time of an impact.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.", min=0)] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(metavar="N", help="Seed of everything that is drawn.", min=0, rich_help_panel=METHOD),
+    ] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Rebounds of a scene, with only the effects that it calls for."""

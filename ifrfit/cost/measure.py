@@ -254,6 +254,8 @@ def measure_costs(
     data, options = split_columns("measure_costs", FitKeywords, data, keywords)
     requested = _kinds(kinds)
     chosen = model_of(model, options)
+    if chosen.tie:
+        raise UsageError("Costs are those of all methods, and --tie is known to two of them: leave it out.")
     question = make_question(data, chosen, noise_of(noise), seed, scene, options)
     found = beginning(question, chosen, posterior="inference" in requested, seed=seed, command=command)
     costs: list[Cost] = []

@@ -82,8 +82,12 @@ class Cells:
         Whether numbers may have decimal commas.
     word : str
         ``line``, ``row`` or ``point``.
+    counted : str
+        How rows are numbered, in messages, where people might count in another way; empty for lines.
     notes : tuple of str
         Sentences about the file that go with every result.
+    in_memory : bool
+        Whether it is no file: its name is then not cut at slashes and dots.
     """
 
     file: str
@@ -94,7 +98,9 @@ class Cells:
     columns: Sequence[CellColumn | DataError]
     decimal_commas: bool = False
     word: str = "line"
+    counted: str = ""
     notes: tuple[str, ...] = ()
+    in_memory: bool = False
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -104,13 +110,18 @@ class Cells:
     @property
     def name(self) -> str:
         """The file without its folder, for notes that go into results."""
-        return Path(self.file).name
+        return self.file if self.in_memory else Path(self.file).name
+
+    @property
+    def label(self) -> str:
+        """What a series is called that the table does not name: the file without folder and ending."""
+        return self.file if self.in_memory else Path(self.file).stem
 
     def at(self, row: int | None = None, header: str | None = None) -> str:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""
         parts = [self.file]
         if row is not None:
-            parts.append(f"{self.word} {self.lines[row]}")
+            parts.append(f"{self.word} {self.lines[row]}{self.counted and f' ({self.counted})'}")
         elif header is not None and self.word == "line":
             parts.append(f"line {self.header_line}")
         if header is not None:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NoReturn
 
-from ifrfit.data.cell_table import Cells
+import numpy as np
+
+from ifrfit.data.cell_table import NUMBER, Cells
 from ifrfit.data.column_layout import Column, Layout, to_degrees
 from ifrfit.data.column_names import (
     UNITS,
@@ -300,16 +302,35 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
         if angle is not None:
             text += f"If it is the incidence angle, say {_either_angle(first)}; otherwise "
             raise DataError(f"{text}name it, {named}, or leave it out, {aside}.")
+        if near is None and _is_label(cells, first):
+            text += f"If it says which rows belong together, it is the series: {_as_series(first)}. "
         raise DataError(f"{text}Rename it, say what it holds, {named}, or leave it out, {aside}.")
     shown = ", ".join(unknown[:_SHOWN])
     more = len(unknown) - _SHOWN
     shown += f" and {more} more" if more > 0 else ""
     line = f", line {cells.header_line}" if cells.word == "line" else ""
     holds = suggest(f"column:NAME={first}") if angle is None else _either_angle(angle)
+    label = next((each for each in unknown if _is_label(cells, each)), None)
+    series = "" if label is None else f" {label} may say which rows belong together: {_as_series(label)}."
     raise DataError(
         f"{cells.file}{line}: {len(unknown)} columns have unknown names, {shown}. Say what a column holds, "
-        f"{holds}, or leave columns out, {_without(unknown)}."
+        f"{holds}, or leave columns out, {_without(unknown)}.{series}"
     )
+
+
+def _is_label(cells: Cells, header: str) -> bool:
+    """Whether a column holds words that come again and again, as names of materials do."""
+    column = cells.columns[cells.headers.index(header)]
+    if isinstance(column, DataError | np.ndarray):
+        return False
+    words = [text.strip() for text in column]
+    different = set(words)
+    is_number = any(NUMBER.fullmatch(text) for text in different)
+    return not is_number and "" not in different and 1 <= len(different) <= len(words) // 2
+
+
+def _as_series(header: str) -> str:
+    return suggest(f"column:series={header}")
 
 
 def _either_angle(header: str) -> str:

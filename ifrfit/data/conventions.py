@@ -278,6 +278,11 @@ def _column(name: str, header: str) -> str:
     if named_role(name, name, None).kind == "unknown":
         close = close_names(name, 3, RAW)
         near = f"; close are {', '.join(close)}" if close else ""
+        if named_role(header, header, None).kind != "unknown":
+            raise UsageError(
+                f"{suggest(f'column:{name}={header}')}: the name of the schema stands first, the header of "
+                f"your table behind it: {suggest(f'column:{header}={name}')}."
+            )
         raise UsageError(
             f"--convention column:{name}={header}: '{name}' is no column{near}. A column is one of the "
             "common schema, an observable or a raw velocity; see 'ifrfit template' and 'ifrfit template "

@@ -258,7 +258,8 @@ def _check_columns(layout: Layout) -> None:
             raise DataError(
                 f"{cells.at(header=column.header)}: does not go with raw velocities such as "
                 f"{next(c.header for k, c in layout.columns.items() if k.startswith('raw:'))}. Keep the "
-                "velocities and spins in one file, what was computed from them in another."
+                "velocities and spins in one file, what was computed from them in another; beside what was "
+                "computed a spin before impact is spin_y = R omega_y/u."
             )
     angled = layout.has("gamma") or layout.has("tan_gamma")
     if not layout.has("raw:u_z") and not (angled and layout.has("speed")):

@@ -47,7 +47,8 @@ def read(
     Parameters
     ----------
     data : str, Path, pandas.DataFrame, polars.DataFrame, Arrow table, or mapping of str to array_like
-        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table. Its rows are called as the index
+        A CSV, TSV, blank-separated, .xlsx, .ods or Parquet file; or a table, which may be a structured array
+        or a list of rows, a mapping each. Its rows are called as the index
         of a pandas frame does where this holds different whole numbers, else from 0. A mapping of names to
         tables makes a series of each.
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
@@ -78,20 +79,27 @@ def read(
     conventions = parse_conventions(convention)
     if isinstance(data, str | Path):
         return observe(read_table(Path(data), conventions), conventions, inertia_factor)
-    from ifrfit.data.table_objects import cells_of_table, is_table, tables_of
+    from ifrfit.data.table_objects import cells_of_table, is_table, refuse_other, tables_of
 
     if not is_table(data):
-        raise UsageError(
-            f"A {type(data).__name__} is no table of impacts: give a path, a data frame, or a mapping of "
-            "columns."
-        )
+        refuse_other(data)
     if conventions.figure is not None or conventions.sheet is not None:
         said = "sheet=..." if conventions.figure is None else "x=..."
         raise UsageError(f"--convention {said}: is about a file, and a table was given. Leave it away.")
     tables = tables_of(data)
-    return combine(
-        [observe(cells_of_table(table, name), conventions, inertia_factor) for name, table in tables.items()]
-    )
+    try:
+        cells = [cells_of_table(table, name) for name, table in tables.items()]
+        return combine([observe(each, conventions, inertia_factor) for each in cells])
+    except DataError as error:
+        levels = max(
+            (getattr(getattr(each, "columns", None), "nlevels", 1) for each in tables.values()), default=1
+        )
+        if levels == 1:
+            raise
+        raise DataError(
+            f"{error.in_shell} Its columns have {levels} levels of names: to keep the last one alone, "
+            "table.columns = table.columns.get_level_values(-1)."
+        ) from None
 
 
 def read_table(path: Path, conventions: Conventions) -> Cells:
@@ -134,7 +142,7 @@ def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4)
         validate(some, cells)
         kept.append(some)
         skipped.update(why)
-    return _assemble(Path(cells.file), layout, kept, dict(skipped))
+    return _assemble(layout, kept, dict(skipped))
 
 
 def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
@@ -160,9 +168,7 @@ def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
                 )
 
 
-def _assemble(
-    path: Path, layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int]
-) -> Observations:
+def _assemble(layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int]) -> Observations:
     """Join the pieces in the order of the file."""
     cells = layout.cells
     rows = np.concatenate([piece.rows for piece in pieces])
@@ -178,12 +184,12 @@ def _assemble(
         parts = [np.asarray(piece.columns[name]) for piece in pieces]
         columns[name] = parts[0] if len(parts) == 1 else np.concatenate(parts)[order]
     refuse_restarted_impacts(layout, columns, rows)
-    columns["series"] = _labels(layout, "series", _as_text(path.stem))[rows]
+    columns["series"] = _labels(layout, "series", _as_text(cells.label))[rows]
     provenance = _provenances(layout)[rows]
-    columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}
+    columns |= {"provenance": provenance, "source": _as_text(cells.name), "row": cells.lines[rows]}
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
     source = Source(
-        name=_as_text(path.name),
+        name=_as_text(cells.name),
         sha256=cells.sha256,
         rows=len(rows) + sum(skipped.values()),
         rows_used=len(rows),

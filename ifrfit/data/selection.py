@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,6 +201,76 @@ def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selec
         words.append("rows of the same impacts taken as independent")
     text = ("; ".join(words) or source.selection) if len(used) else "nothing"
     return replace(source, rows_used=len(used), rows_skipped=dict(skipped), selection=text)
+
+
+NO_SIGMA = "without a sigma, beside others that have one"
+
+
+def rows_with_sigma(obs: Observations) -> Observations:
+    """Leave rows without a sigma out where others of their series and observable have one.
+
+    What sets such a row apart may be its noise, which one row cannot tell; the sigma of the others holds for
+    them all the same. Where no row of a series and observable has a sigma, all of them stay.
+
+    Parameters
+    ----------
+    obs : Observations
+
+    Returns
+    -------
+    Observations
+        With `Source.rows_used` and ``rows_skipped`` brought up to date.
+
+    Raises
+    ------
+    DataError
+        Where more rows of a series and observable lack a sigma than have one.
+    """
+    table = obs.table
+    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
+    if given.all() or not given.any():
+        return obs
+    kinds = [table["series"].to_numpy(dtype=object), table["observable"].to_numpy(dtype=object)]
+    lacks = np.zeros(len(table), dtype=bool)
+    for series, observable in dict.fromkeys(zip(*kinds, strict=True)):
+        rows = np.flatnonzero((kinds[0] == series) & (kinds[1] == observable))
+        known = int(np.count_nonzero(given[rows]))
+        if not 0 < known < rows.size:
+            continue
+        if 2 * known < rows.size:
+            first = table.iloc[rows[~given[rows]][0]]
+            raise DataError(too_few_sigmas(first, known, rows.size))
+        lacks[rows] = ~given[rows]
+    if not lacks.any():
+        return obs
+    why = np.where(lacks, NO_SIGMA, "").astype(object)
+    sources = tuple(_counted(source, table, why) for source in obs.sources)
+    return replace(obs, table=table.loc[~lacks].reset_index(drop=True), sources=sources)
+
+
+def too_few_sigmas(first: Mapping[str, Any], known: int, n: int) -> str:
+    """What is said where most values of a series and observable lack the sigma that others have.
+
+    Parameters
+    ----------
+    first : mapping
+        The first row without one: its source, row, series and observable.
+    known, n : int
+        How many values have one, and how many there are.
+    """
+    return (
+        f"{first['source']}, line {first['row']}: no sigma, and only {known} of {n} values of "
+        f"{first['observable']} in {first['series']} have one. Give it to the others, leave them out, or "
+        "take --noise unknown, which uses no sigma."
+    )
+
+
+def _counted(source: Source, table: pd.DataFrame, why: NDArray[np.object_]) -> Source:
+    """A source whose rows were left out further, as its counts have it."""
+    here = table["source"].to_numpy(dtype=object) == source.name
+    skipped = Counter(dict(source.rows_skipped))
+    skipped.update(why[here & (why != "")])
+    return replace(source, rows_used=int(np.count_nonzero(here & (why == ""))), rows_skipped=dict(skipped))
 
 
 def excluded(table: pd.DataFrame, entry: str) -> Mask:

@@ -214,7 +214,9 @@ def read_wide(layout: Layout) -> list[Piece]:
             f"{cells.file}: no column of an observable. Add one, such as beta, or the velocities before and "
             "after (u_x_m_s, u_z_m_s, v_x_m_s, v_z_m_s); 'ifrfit template' prints tables to fill in."
         )
-    _check_uncertainties(layout, names)
+    # a column of empty cells is no observable: sigma is not of it
+    filled = [name for name in names if not np.isnan(layout.numbers(name)).all()]
+    _check_uncertainties(layout, names, filled or names)
     columns, headers = common_columns(layout)
     if len(names) > 1:
         columns["impact_id"] = impact_ids(layout)
@@ -245,13 +247,13 @@ def impact_ids(layout: Layout) -> np.ndarray:
     )
 
 
-def _check_uncertainties(layout: Layout, names: list[str]) -> None:
+def _check_uncertainties(layout: Layout, names: list[str], filled: list[str]) -> None:
     for kind in ("sigma", "sd"):
-        if layout.has(kind) and len(names) > 1:
-            headers = ", ".join(layout.header(name) for name in names)
+        if layout.has(kind) and len(filled) > 1:
+            headers = ", ".join(layout.header(name) for name in filled)
             raise DataError(
                 f"{layout.cells.at(header=layout.header(kind))}: could belong to any of {headers}. Call it "
-                f"{kind}_{names[0]}, and so on."
+                f"{kind}_{filled[0]}, and so on."
             )
         for key, column in layout.columns.items():
             of = key.removeprefix(f"{kind}:")

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
 
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.tabular import arrow_column, check_headers
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 
 TABLE = "table"  # what a table without a name is called, in messages and as a series
 
@@ -21,9 +21,40 @@ _ARROW = "__arrow_c_stream__"  # Arrow's own protocol: polars, pyarrow, duckdb a
 
 def is_table(given: object) -> bool:
     """Whether an object is a table in itself: a data frame, an Arrow table, or a mapping."""
-    if isinstance(given, pd.DataFrame | Mapping):
+    if isinstance(given, pd.DataFrame | Mapping) or is_records(given):
         return True
     return hasattr(given, _ARROW) and (hasattr(given, "columns") or hasattr(given, "column_names"))
+
+
+def is_records(given: object) -> bool:
+    """Whether an object is a structured array, or a list with a mapping of names to values for each row."""
+    if isinstance(given, np.ndarray):
+        return given.dtype.names is not None
+    return isinstance(given, list | tuple) and bool(given) and all(map(_is_row, given))
+
+
+def _is_row(given: object) -> bool:
+    """Whether an object is one row: a mapping of names to single values."""
+    return isinstance(given, Mapping) and bool(given) and all(np.ndim(value) == 0 for value in given.values())
+
+
+def refuse_other(given: object) -> NoReturn:
+    """Say what a table is.
+
+    Raises
+    ------
+    UsageError
+        With the remedy.
+    """
+    if isinstance(given, np.ndarray):
+        raise UsageError(
+            f"An array of shape {given.shape} is no table of impacts, because its columns have no names: "
+            'give a mapping, as {"gamma_deg": array[:, 0], "beta": array[:, 1]}.'
+        )
+    raise UsageError(
+        f"{given!r:.40} ({type(given).__name__}) is no table of impacts: give a path, a data frame, or a "
+        "mapping of columns."
+    )
 
 
 def tables_of(given: Any) -> dict[str, Any]:
@@ -38,8 +69,9 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
 
     Parameters
     ----------
-    table : pandas.DataFrame, polars.DataFrame, any Arrow table, or mapping of str to array_like
-        A number among the columns of a mapping stands in every row. Missing values are None or nan.
+    table : pandas.DataFrame, polars.DataFrame, Arrow table, mapping of str to array_like, or records
+        Records are a structured array, or a list with a mapping for each row. A number among the columns of
+        a mapping stands in every row. Missing values are None or nan.
     name : str
         For messages.
 
@@ -55,6 +87,9 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
         For no rows, columns of different lengths or more than one dimension, and headers without a name or
         twice.
     """
+    counted = "counted from 0"
+    if is_records(table):
+        table = _of_records(table)
     if not isinstance(table, pd.DataFrame | Mapping):
         import pyarrow as pa
 
@@ -67,13 +102,24 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
         names = [_header(each) for each in frame.columns]
         columns = [_column(frame.iloc[:, i], each, name) for i, each in enumerate(names)]
         rows = _row_numbers(frame)
+        if rows[:1].any() or (np.diff(rows) != 1).any():
+            counted = "as the index has it"
     if not names:
         raise DataError(f"{name}: there is no column. Give an angle and what was measured.")
     if not rows.size:
         raise DataError(f"{name}: there is no row. Give one impact a row.")
-    cells = Cells(name, _digest(names, columns), names, 0, rows, columns, word="row")
+    cells = Cells(
+        name, _digest(names, columns), names, 0, rows, columns, word="row", counted=counted, in_memory=True
+    )
     check_headers(cells)
     return cells
+
+
+def _of_records(records: Any) -> pd.DataFrame:
+    """A frame of a structured array, or of rows."""
+    if isinstance(records, np.ndarray):
+        return pd.DataFrame({name: records[name].reshape(-1) for name in records.dtype.names or ()})
+    return pd.DataFrame(list(records))
 
 
 def _frame(table: Mapping[Any, Any], name: str) -> pd.DataFrame:

@@ -67,7 +67,9 @@ def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None =
         cells = replace(_parse(lines, file, sha256, is_header, (DELIMITER,)), word="row")
     elif raw[:4] == b"PAR1":
         headers, columns, n = read_parquet(raw, file)
-        cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
+        cells = Cells(
+            file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row", counted="counted from 1"
+        )
     else:
         text = decode(raw, file)
         del raw  # of a long file only one form is kept at a time

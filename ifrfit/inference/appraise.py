@@ -123,6 +123,8 @@ def _without_profiles(problem: Problem) -> str:
     free = int(problem.parameters.free.sum())
     if free == 0:
         return "Every constant is fixed: there is nothing to profile."
+    if problem.parameters.is_tied:
+        return "Profiles do not know constants that are tied."
     if problem.offset is not None:
         return "Profiles do not fit an angle offset."
     if not problem.error_model.is_plain:

@@ -104,11 +104,12 @@ class Method(Options):
     """Base of the package's own methods: does every problem, as long as it does not say otherwise.
 
     An offset of the set angles is fitted by a method that says so, see `refuses_offset`; priors of every law
-    are known to one that says so, see `refuses_prior`.
+    are known to one that says so, see `refuses_prior`, and ties between constants, see `refuses_tie`.
     """
 
     fits_angle_offset: ClassVar[bool] = False
     takes_every_prior: ClassVar[bool] = False
+    takes_ties: ClassVar[bool] = False
 
     def refuses(self, problem: Problem) -> str:
         """Why the method cannot do a problem; empty where it can."""
@@ -286,6 +287,7 @@ class LeastSquares(Method):
     """
 
     name: ClassVar[str] = "lsq"
+    takes_ties: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "least squares"
     label: ClassVar[str] = "least squares"
@@ -381,6 +383,7 @@ class MCMC(Method):
     """
 
     name: ClassVar[str] = "mcmc"
+    takes_ties: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "Markov chain Monte Carlo"
@@ -559,6 +562,25 @@ def refuses_prior(estimator: Estimator, problem: Problem) -> str:
     return (
         f"{name} knows normal and uniform priors only, not --prior {shaped[0]}: use --method exact or mcmc."
     )
+
+
+def refuses_tie(estimator: Estimator, problem: Problem) -> str:
+    """Why a method does not know ties between constants; empty where it does, or where there are none.
+
+    A method of another package does if it has an attribute `takes_ties` that is true.
+    """
+    if not problem.parameters.is_tied:
+        return ""
+    said = "--tie '" + "=".join(next(iter(problem.parameters.ties.expressions.items()))) + "'"
+    if not getattr(estimator, "takes_ties", False):
+        name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
+        return f"{name} does not know {said}: use --method mcmc or lsq."
+    if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
+        return f"--accuracy and --budget do not know what {said} costs: leave them out."
+    if not problem.error_model.is_plain or problem.offset is not None:
+        option = problem.error_model.option if problem.offset is None else "--angle-offset"
+        return f"{said} is known beside independent Gaussian errors of the values only: leave {option} out."
+    return ""
 
 
 def refuses_offset(estimator: Estimator, problem: Problem) -> str:

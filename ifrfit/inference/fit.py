@@ -13,12 +13,20 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.selection import rows_with_sigma
 from ifrfit.data.stream.files import NotStreamableError, is_stream
 from ifrfit.data.stream.impact_stream import ImpactStream
+from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset, refuses_prior
+from ifrfit.inference.estimators import (
+    Estimator,
+    refuse_crew_in_memory,
+    refuses_offset,
+    refuses_prior,
+    refuses_tie,
+)
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -28,8 +36,8 @@ from ifrfit.inference.keywords import (
     split_columns,
 )
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
-from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.model.parameters import Parameter, priors_beyond_domain
+from ifrfit.inference.model.problem import Problem, make_problem, noise_policy
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.option_fields import check_form
@@ -94,10 +102,10 @@ def fit(
         a bar under the cell where that takes more than two seconds.
     command : str
         The command line, for the record.
-    closure, fix, prior, prior_from, bounds, separate, inertia_factor
+    closure, fix, prior, prior_from, bounds, separate, tie, inertia_factor
         Fields of `Model`.
     params : lmfit.Parameters
-        Fixed values and bounds in lmfit's form.
+        Fixed values, bounds and expressions (as `tie`) in lmfit's form.
     observable, series : str or sequence of str
         Use only these.
     gamma_min, gamma_max : float
@@ -181,6 +189,10 @@ def _streamed(
     if path is None:
         refuse_crew_in_memory(estimator)
         return None
+    if model.tie:
+        if _is_plain_file(path):
+            return None
+        raise UsageError(f"{path}: --tie takes rows that are held in memory. Fit a part of them in one file.")
     from ifrfit.inference.sufficient_statistics.passes import Reader
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
     from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
@@ -239,9 +251,12 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
     try:
-        if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
+        in_memory = noise.error_model.beyond_plain
+        in_memory += ("single rows by --exclude",) if selection.exclude else ()
+        if in_memory:
             raise NotStreamableError(
-                f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
+                f"{path}: {joined(in_memory)} need the table in memory, and a folder or a compressed file is "
+                "not held there. Leave them out, or fit a part of it in one file."
             )
         return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
@@ -264,6 +279,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
     assumed = (*model.published_words(), *solid)
 
     parameters = tuple(model.parameters(inertia))
+    assumed += priors_beyond_domain(parameters)
     # least squares, which facts on single rows take, know the normal law in the place of another
     shaped = [one for one in parameters if one.shape is not None and one.prior is not None]
     for_sample = replace(
@@ -359,6 +375,9 @@ def make_question(
     if seed < 0:
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
+    sigma = observations.table["sigma"].to_numpy(dtype=float)
+    if noise_policy(observations, sigma, noise.policy) == "mixed":
+        observations = rows_with_sigma(observations)
     conditions = setting_of(observations, inertia_factor, scene)
     assumed = (
         *model.published_words(),
@@ -401,7 +420,10 @@ def fit_problem(
         As the method.
     """
     reason = (
-        refuses_prior(estimator, problem) or refuses_offset(estimator, problem) or estimator.refuses(problem)
+        refuses_prior(estimator, problem)
+        or refuses_offset(estimator, problem)
+        or refuses_tie(estimator, problem)
+        or estimator.refuses(problem)
     )
     if reason:
         raise UsageError(reason)
@@ -422,7 +444,7 @@ def fit_problem(
         seed=seed,
         command=command,
         conditions=conditions,
-        assumed=assumed,
+        assumed=(*assumed, *priors_beyond_domain(problem.parameters)),
         summary=summary,
     )
     _LOG.info("closure %s: facts in %.3f s", problem.closure.title, time.perf_counter() - begin)
@@ -435,6 +457,9 @@ def gather(
     """Read what is to be read, and put several files or datasets together."""
     parts = _parts(data)
     tables = [part for part in parts if not isinstance(part, str | Path | Observations)]
+    for part in tables:
+        if not is_table(part):
+            refuse_other(part)
     found = []
     for part in parts:
         if isinstance(part, Observations):
@@ -451,7 +476,9 @@ def gather(
 
 
 def _parts(data: Data | Sequence[Data]) -> list[Data]:
-    """Each file, dataset or table."""
+    """Each file, dataset or table; a list of rows is one table."""
+    if is_records(data):
+        return [data]
     return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 

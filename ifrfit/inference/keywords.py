@@ -42,6 +42,7 @@ class ConstantKeywords(TypedDict, total=False):
     prior_from: str | None
     bounds: Mapping[str, Range] | None
     separate: str | Collection[str]
+    tie: Mapping[str, str] | None
     inertia_factor: float | None
     params: lmfit.Parameters | None
 
@@ -137,12 +138,30 @@ def split_columns(
             f"{function}(data, {next(iter(columns))}=...): columns are given beside data. Put them into one "
             "table."
         )
+    _refuse_labels(function, columns, keywords)
     if not columns:
         raise UsageError(
             "There is nothing to fit: give a file, a dataset's name, a table, or columns by keyword "
             "(gamma_deg=[...], beta=[...])."
         )
     return columns, {name: value for name, value in keywords.items() if name in options}
+
+
+def _refuse_labels(function: str, columns: Mapping[str, Any], keywords: Mapping[str, Any]) -> None:
+    """Refuse a label for each impact by keyword: `series` and `observable` choose among those of a table."""
+    for name in ("series", "observable"):
+        labels = keywords.get(name)
+        if labels is None or isinstance(labels, str) or not hasattr(labels, "__len__"):
+            continue
+        texts = [str(each) for each in labels]
+        if len(set(texts)) < len(texts) or (name == "observable" and "value" in columns):
+            rest = ", ".join(f'"{column}": [...]' for column in list(columns)[:2])
+            those = "series" if name == "series" else "observables"
+            raise UsageError(
+                f"{name}=[...] chooses among the {those} of a table, and here stands for a column. Put "
+                "columns of this name into a mapping: "
+                f'ifrfit.{function}({{"{name}": [...], {rest}}}).'
+            )
 
 
 def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
@@ -154,6 +173,7 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
         If both say something, and as `Model`.
     """
     params = keywords.get("params")
+    _refuse_class("model", model, 'Model("ifr")')
     if model is not None and not isinstance(model, Model):
         raise UsageError(f"model: {model!r:.60} is no Model. Name a closure by --closure {model!s:.30}.")
     if model is not None:
@@ -174,6 +194,12 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     return build(Model, {**keywords, **theirs})
 
 
+def _refuse_class(keyword: str, value: object, example: str) -> None:
+    """Refuse a class in the place of an object of it."""
+    if isinstance(value, type):
+        raise UsageError(f"{keyword}: {value.__name__} is a class. Give an object, as ifrfit.{example}.")
+
+
 def noise_of(noise: str | Noise | None) -> Noise:
     """The noise of an object, or of a policy.
 
@@ -182,6 +208,7 @@ def noise_of(noise: str | Noise | None) -> Noise:
     UsageError
         As `Noise`.
     """
+    _refuse_class("noise", noise, 'Noise("unknown")')
     return noise if isinstance(noise, Noise) else Noise(noise)
 
 

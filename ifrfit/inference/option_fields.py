@@ -17,7 +17,19 @@ from typing import Any, Literal, TypeVar
 from ifrfit.errors import UsageError
 
 Form = Literal[
-    "text", "number", "integer", "path", "names", "words", "values", "pairs", "priors", "range", "flag"
+    "text",
+    "number",
+    "fraction",
+    "integer",
+    "path",
+    "names",
+    "words",
+    "values",
+    "pairs",
+    "priors",
+    "expressions",
+    "range",
+    "flag",
 ]
 
 Choices = Callable[[], Iterable[str]]
@@ -36,7 +48,9 @@ class Option:
     form : str
         How it is written on the command line. names: NAME, repeatable; words: NAME,NAME, repeatable, of names
         that hold no comma; values: NAME=VALUE, repeatable; pairs: NAME=A,B, repeatable; priors: these, or
-        NAME=LAW:A,B; range: LO,HI; flag: no value; text, number, integer and path: one such word.
+        NAME=LAW:A,B; expressions: NAME=EXPRESSION, repeatable; range: LO,HI; flag: no
+        value; text, number, integer and path: one such word;
+        fraction: a number, also as 2/3.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
@@ -179,6 +193,19 @@ def check_form(flag: str, form: Form, value: object) -> None:
         raise UsageError(f"{flag}: {value!r:.60} is not {_FORMS[form][2]}.")
 
 
+def number_of(value: object) -> float | None:
+    """A number, also where a text says it as the quotient of two; None for what is none."""
+    if isinstance(value, bool) or not isinstance(value, Real | str):
+        return None
+    if isinstance(value, Real):
+        return float(value)
+    above, slash, below = value.partition("/")
+    try:
+        return float(above) / float(below) if slash else float(above)
+    except (ValueError, ZeroDivisionError):
+        return None
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -206,11 +233,21 @@ def _is_prior(value: object) -> bool:
     return _is_pair(value) or (hasattr(value, "moments") and not isinstance(value, type))
 
 
-_NAMED: dict[str, Callable[[object], bool]] = {"values": _is_number, "pairs": _is_pair, "priors": _is_prior}
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+_NAMED: dict[str, Callable[[object], bool]] = {
+    "values": _is_number,
+    "pairs": _is_pair,
+    "priors": _is_prior,
+    "expressions": _is_text,
+}
 # form: whether a value has it; what one of a mapping is to be; what the whole is to be
 _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
     "text": (lambda value: isinstance(value, str), "", "a word"),
     "number": (_is_number, "", "a number"),
+    "fraction": (lambda value: number_of(value) is not None, "", "a number, nor two as 2/3"),
     "integer": (lambda value: _is_number(value) and isinstance(value, Integral), "", "a whole number"),
     "path": (lambda value: isinstance(value, str | PathLike), "", "a path"),
     "names": (_is_names, "", "a name or several names"),
@@ -225,6 +262,11 @@ _FORMS: dict[str, tuple[Callable[[object], bool], str, str]] = {
         lambda value: False,
         "two numbers, mean and sd, nor a law as ifrfit.LogNormal(0.1, 0.3)",
         'a mapping of constants to priors, as {"mu": (0.1, 0.02)}',
+    ),
+    "expressions": (
+        lambda value: False,
+        'an expression, as "-1 + 0.1*mu"',
+        'a mapping of constants to expressions, as {"e_t": "-1 + 0.1*mu"}',
     ),
     "range": (_is_pair, "", "two numbers"),
     "flag": (lambda value: isinstance(value, int), "", "True or False"),

@@ -8,8 +8,9 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.error_model import ANGLES, ErrorModel
-from ifrfit.inference.option_fields import Options, nested, option, plain
+from ifrfit.inference.option_fields import Options, nested, number_of, option, plain
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
@@ -71,8 +72,11 @@ class Model(Options):
         Constant to lower and upper bound, in the place of the passive domain.
     separate : str or collection of str
         Constants with a value of their own in each series; "noise" for unknown noises.
+    tie : mapping of str to str
+        Constant, or "mu[series]" where it is separate, to an expression of others in lmfit's syntax:
+        ``{"e_t": "-1 + 0.1*mu"}``, ``{"e_t[b]": "e_t[a]"}``. Known to least squares and mcmc.
     inertia_factor : float or None
-        J = I/(m R^2); by default the dataset's, else 2/5.
+        J = I/(m R^2), a number or as "2/3"; by default the dataset's, else 2/5.
 
     Raises
     ------
@@ -114,10 +118,17 @@ class Model(Options):
         metavar="NAME,...",
         choices=_separable,
     )
+    tie: Mapping[str, str] = option(
+        {},
+        "A constant that follows from others, for lsq and mcmc.",
+        form="expressions",
+        metavar="NAME=EXPRESSION",
+        choices=_constants,
+    )
     inertia_factor: float | None = option(
         None,
         "I/(m R^2): 2/5 solid, 2/3 hollow ball, 1/2 disc.",
-        form="number",
+        form="fraction",
         metavar="J",
         unset="the dataset's, else 2/5",
     )
@@ -125,10 +136,12 @@ class Model(Options):
     def __post_init__(self) -> None:
         object.__setattr__(self, "separate", plain(self.separate))
         super().__post_init__()
-        for name in ("fix", "prior", "bounds"):
+        for name in ("fix", "prior", "bounds", "tie"):
             object.__setattr__(self, name, dict(getattr(self, name) or {}))
         names = (self.separate,) if isinstance(self.separate, str) else tuple(self.separate or ())
         object.__setattr__(self, "separate", names)
+        if self.inertia_factor is not None:
+            object.__setattr__(self, "inertia_factor", number_of(self.inertia_factor))
         j = self.inertia_factor
         if j is not None and not 0.0 < j < math.inf:
             raise UsageError(f"--inertia-factor {j:g}: it must be positive (2/5 for a solid sphere).")
@@ -156,6 +169,7 @@ class Model(Options):
             prior=self._published(get_closure(self.closure).constants) | dict(self.prior),
             bounds=self.bounds,
             separate=tuple(name for name in self.separate if name != NOISE),
+            tie=self.tie,
         )
 
     def _published(self, constants: Collection[str]) -> dict[str, Range]:
@@ -191,6 +205,7 @@ class Model(Options):
             prior={name: value for name, value in self.prior.items() if name in own},
             bounds={name: value for name, value in self.bounds.items() if name in own},
             separate=tuple(name for name in self.separate if name in (*own, NOISE)),
+            tie={name: text for name, text in self.tie.items() if quantity_of(name) in own},
         )
 
     def named_constants(self) -> Mapping[str, Iterable[str]]:

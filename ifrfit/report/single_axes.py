@@ -84,6 +84,8 @@ def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None
     grid = np.atleast_2d(np.asarray(axes, dtype=object))
     if grid.shape != (k, k):
         raise UsageError(f"axes of shape {grid.shape}: {joined(chosen)} take ({k}, {k}).")
+    for each in grid.flat:
+        _drawable(each)
     values = {name: draws[name].to_numpy(dtype=float) for name in chosen}
     windows = {name: _window(values[name]) for name in chosen}
     for i, below in enumerate(chosen):
@@ -167,8 +169,19 @@ def _styles(result: FitResult) -> Any:
 
 
 def _axes(axes: Axes | None) -> Axes:
-    new: Axes = _figure(4.5, 3.2).subplots() if axes is None else axes
+    new: Axes = _figure(4.5, 3.2).subplots() if axes is None else _drawable(axes)
     return new
+
+
+def _drawable(axes: Any) -> Any:
+    """Axes, or the sentence on what was given in their place."""
+    from matplotlib.axes import Axes
+
+    if not isinstance(axes, Axes):
+        raise UsageError(
+            f"ax: {axes!r:.60} is no Axes of matplotlib. Give one, as plt.subplots()[1], or leave it out."
+        )
+    return axes
 
 
 def _figure(width: float, height: float) -> Any:

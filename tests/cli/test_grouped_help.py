@@ -94,3 +94,20 @@ def test_names_may_stand_in_one_list(cli) -> None:
     assert two.returncode == 0
     assert one.stdout == two.stdout == spaced.stdout
     assert cli(*fixed, "--separate", "e_t,nu").returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("command", "groups"),
+    [
+        (("simulate",), ["Arguments", "Method", "Output"]),
+        (("predict",), ["Arguments", "Data", "Model", "Output"]),
+        (("report",), ["Arguments", "Output"]),
+        (("datasets", "install"), ["Arguments", "Data", "Output"]),
+        (("datasets", "validate"), ["Arguments", "Data", "Output"]),
+        (("datasets", "list"), ["Output"]),
+    ],
+)
+def test_other_commands_have_groups_and_words_of_the_field_for_their_values(cli, command, groups) -> None:
+    text = cli(*command, "--help").stdout
+    assert list(sections(text)) == groups
+    assert not re.search(r"<\w+|\bby default\b", text, re.IGNORECASE)

@@ -83,8 +83,8 @@ def left_over(group: int) -> bool:
 
 
 FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
-# some hundred milliseconds on a quiet machine
-SOON = 20.0
+# measured, with other work on both cores: 0.1 to 0.25 s, and 2.5 s where a comparison draws what it has
+SOON = 5.0
 
 
 @pytest.mark.usefixtures("small_page")
@@ -151,10 +151,11 @@ def test_replicates_are_kept(cli) -> None:
 
 
 def test_a_comparison_keeps_what_is_compared() -> None:
-    found, _ = interrupt(
+    found, elapsed = interrupt(
         "compare", "cross-2019", "--fix", "e_n=0.94", "--out", "compared", module="compare", after=2
     )
     assert found.returncode == 130
+    assert elapsed < 2.0 * SOON
     assert "not fitted" in found.stderr
     assert "nothing cross-validated" in found.stderr
     assert "VERDICT" in found.stdout

@@ -16,6 +16,7 @@ GROUP = typer.main.get_command(app)
 ONE_METHOD = "a comparison is by exact posterior, and costs are of every method: neither takes one"
 EXCEPTIONS = {
     **dict.fromkeys(("method", *method_options()), ONE_METHOD),
+    "tie": "known to least squares and mcmc alone",
     "intervals": "puts the methods beside the fit's own; costs have all of them, a comparison has one",
 }
 EXCEPTIONS_OF = {

@@ -238,3 +238,18 @@ def test_provenance_of_rows_that_do_not_state_theirs(read):
     obs = read("gamma_deg,beta,provenance\n30,0.4,stand-in\n", "provenance=measured")
     assert obs.provenance == ("stand-in",), "what a file says is never overruled"
     assert obs.notes == ("x.csv: convention provenance=measured found nothing to apply to.",)
+
+
+def test_a_column_of_labels_and_a_name_the_wrong_way_round_have_a_remedy():
+    table = {"gamma_deg": [10.0, 20.0, 30.0, 40.0], "beta": [0.4] * 4, "material": ["a", "a", "b", "b"]}
+    with refused(DataError, match=r"it is the series: --convention column:series=material"):
+        data.read(table)
+    both = {**table, "coating c": ["x", "x", "y", "y"]}
+    with refused(DataError, match=r"material may say which rows belong together: .*column:series=material"):
+        data.read(both)
+    found = data.read(table, convention={"column:series": "material"}).table
+    assert found["series"].tolist() == ["a", "a", "b", "b"]
+    named = {"gamma_deg": [10.0, 20.0], "tangential restitution": [0.4, 0.3]}
+    with refused(UsageError, match=r"name of the schema stands first.*'column:beta=tangential restitution'"):
+        data.read(named, convention={"column:tangential restitution": "beta"})
+    assert len(data.read(named, convention={"column:beta": "tangential restitution"}).table) == 2

@@ -72,20 +72,52 @@ def test_separate_noise_is_one_of_each_series_without_a_sigma(impacts):
     assert of_groups(problem) == {"b/beta": 16, "c/beta": 16}
 
 
-def test_some_rows_without_a_sigma_leave_that_of_their_observable_unused(impacts, tmp_path):
+def test_rows_without_a_sigma_beside_others_that_have_one_are_left_out_and_counted(impacts, tmp_path):
     path = impacts(BETA, E_N)
     lines = path.read_text(encoding="utf-8").splitlines()
     lines[4], lines[7] = (line.rpartition(",")[0] + "," for line in (lines[4], lines[7]))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     found = ifrfit.fit(path, method="lsq")
-    assert found.noise.policy == "mixed"
-    assert found.noise.given == ("run/e_n",)
-    said = next(each for each in found.warnings if "not used" in each)
-    assert said == (
-        "sigma is given for 14 of 16 values of beta, and is not used, because 2 have none, the first in "
-        "impacts.csv, line 5: the noise of all comes from the misfit. Give each a sigma, or leave those "
-        "without one out."
+    assert found.noise.policy == "known"
+    assert found.inputs[0].rows_skipped == {"without a sigma, beside others that have one": 2}
+    assert "2 without a sigma, beside others that have one" in found.summary()
+    without = ifrfit.fit(path, method="lsq", exclude=[5, 8])
+    assert found.constants == without.constants
+    unknown = ifrfit.fit(path, method="lsq", noise="unknown")
+    assert unknown.inputs[0].rows_used == 21
+    assert any(
+        said.startswith("sigma is given in 19 of 21 rows, and is not used") for said in unknown.warnings
     )
+
+
+def test_few_rows_with_a_sigma_say_nothing_of_the_others(impacts):
+    path = impacts(BETA, E_N)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    lines[1:10] = (line.rpartition(",")[0] + "," for line in lines[1:10])
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with refused(DataError, match="line 2: no sigma, and only 7 of 16 values of beta in run have one"):
+        ifrfit.fit(path, method="lsq")
+    assert ifrfit.fit(path, method="lsq", noise="unknown").noise.policy == "unknown"
+
+
+def test_data_not_held_in_memory_leave_the_same_rows_out(tmp_path):
+    rng = np.random.default_rng(4)
+    gamma = np.linspace(5.0, 80.0, 60)
+    beta = ifrfit.rebound(gamma, e_n=0.9, e_t=-0.7, mu=0.15, degrees=True).beta + 0.03 * rng.normal(size=60)
+    table = pd.DataFrame({"gamma_deg": gamma, "beta": beta, "sigma_beta": 0.03})
+    table.loc[[3, 20, 44], "sigma_beta"] = np.nan
+    table.to_csv(tmp_path / "part.csv", index=False)
+    held, streamed = (ifrfit.fit(data, fix={"e_n": 0.9}) for data in (table, tmp_path))
+    assert streamed.problem is None
+    for name in ("e_t", "mu"):
+        assert streamed.constants[name].value == pytest.approx(held.constants[name].value, abs=1e-9)
+        assert streamed.constants[name].stderr == pytest.approx(held.constants[name].stderr, rel=1e-3)
+    assert held.inputs[0].rows_used == streamed.inputs[0].rows_used == 57
+    table.loc[:35, "sigma_beta"] = np.nan
+    table.to_csv(tmp_path / "part.csv", index=False)
+    for data in (table, tmp_path):
+        with refused(DataError, match=r"only 23 of 60 values of beta"):
+            ifrfit.fit(data, fix={"e_n": 0.9})
 
 
 def test_a_part_without_unknown_noise_is_known(impacts):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 
 import emcee
 import numpy as np
@@ -292,3 +293,11 @@ def test_who_brings_a_sampler_finds_the_density_and_the_predictions():
     assert kappa == pytest.approx(fit.derived["kappa"].interval68, rel=0.02)
     theta = np.insert(middle, list(problem.parameters.names).index("e_n"), 0.94)
     assert problem.predict(theta).shape == problem.predict(np.stack([theta, theta]))[0].shape
+
+
+def test_an_inertia_factor_may_be_written_as_a_fraction():
+    for given in ("2/3", 2 / 3, Fraction(2, 3), "0.6666666666666666"):
+        assert ifrfit.Model(inertia_factor=given).inertia_factor == pytest.approx(2 / 3, abs=1e-15)
+    for given in ("2/0", "two", "2/3/4", True):
+        with refused(UsageError, match="is not a number, nor two as 2/3"):
+            ifrfit.Model(inertia_factor=given)

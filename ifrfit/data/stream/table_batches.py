@@ -49,7 +49,16 @@ def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = Fal
             columns.append(DataError(f"{path}, column {name}: holds {kind}, not numbers. Convert it."))
     has_header = is_text(path)
     lines = np.arange(first + 1 + has_header, first + 1 + has_header + batch.num_rows)
-    return Cells(str(path), "", headers, 1, lines, columns, word="line" if has_header else "row")
+    return Cells(
+        str(path),
+        "",
+        headers,
+        1,
+        lines,
+        columns,
+        word="line" if has_header else "row",
+        counted="" if has_header else "counted from 1",
+    )
 
 
 def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:

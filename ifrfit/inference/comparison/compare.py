@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from ifrfit.inference.sufficient_statistics.passes import Reader
 
 _NO_OBLIQUE = "No row is of an oblique impact: e_n and mu alone say nothing of a closure."
+_TOO_MANY = "Too many rows for cross-validation by draws: with so many the evidence decides."
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
 Progress = Callable[[int, int], None]
@@ -140,6 +142,8 @@ def compare(
         )
     data, options = split_columns("compare", QuestionKeywords, data, keywords)
     chosen, scatter = model_of(model, options), noise_of(noise)
+    if chosen.tie:
+        raise UsageError("A comparison is by exact posterior, which does not know --tie. Leave it out.")
     asked, notes = chosen_closures(closures, scatter.is_plain)
     path = stream_path(data)
     stream = None if path is None else open_stream(path, chosen, scatter, options)
@@ -260,6 +264,8 @@ def compare_result(result: FitResult) -> Comparison:
         If the result does not keep its question, or a closure cannot be fitted.
     """
     problem, _ = question_of(result)
+    if problem.parameters.is_tied:
+        raise UsageError("Constants are tied, which other closures do not have in the same sense.")
     closures, notes = known_to(problem.error_model.is_plain)
     fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
     return _weighed(fits, notes, loo=False, seed=result.seed)
@@ -291,9 +297,8 @@ def _weighed(
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
-    found = _cross_validated(fits, evidence, seed, tell) if loo else {}
-    if loo and not found:
-        notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
+    found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
+    notes += without
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
@@ -304,20 +309,33 @@ def _weighed(
 
 def _cross_validated(
     fits: dict[str, FitResult], evidence: Mapping[str, float], seed: int, tell: Callable[[int], None]
-) -> dict[str, Loo]:
-    """Every closure with draws of its own, whichever others are compared; empty for too many rows.
+) -> tuple[dict[str, Loo], tuple[str, ...]]:
+    """Every closure with draws of its own, whichever others are compared; and why some have no number.
 
     Impacts are left out in earnest under those alone that have a hope beside the best.
     """
-    found = {}
+    found, without = {}, []
     for name, fit in fits.items():
         has_hope = evidence[name] >= max(evidence.values()) - HOPELESS
         own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]), in_earnest=has_hope)
         if own is None:
-            return {}
-        found[name] = own
-        tell(len(found))
-    return with_differences(found)
+            return {}, (_TOO_MANY,)
+        if math.isfinite(own.elpd):
+            found[name] = own
+        else:
+            pairs = zip(own.impacts, own.pointwise, strict=True)
+            without.append(
+                f"Cross-validation of {get_closure(name).title} gives no number: by its draws "
+                f"{_some([impact for impact, x in pairs if not math.isfinite(x)])} has no probability that "
+                "could be told. Its evidence stands; the other closures keep their numbers."
+            )
+        tell(len(found) + len(without))
+    return with_differences(found), tuple(without)
+
+
+def _some(impacts: Sequence[str]) -> str:
+    """The first of some impacts, and how many there are."""
+    return impacts[0] + (f" (and {len(impacts) - 1} more)" if len(impacts) > 1 else "")
 
 
 def _entries(

@@ -148,6 +148,8 @@ def left_out(
 
 def with_differences(found: Mapping[str, Loo]) -> dict[str, Loo]:
     """Put the differences from the best in, each with its standard error over the same impacts."""
+    if not found:
+        return {}
     best = max(found.values(), key=lambda one: one.elpd)
     return {
         name: replace(

@@ -49,7 +49,7 @@ class AngleSlopes:
         return cls(
             np.nan_to_num(along / sigma),
             problem.residual(theta) / sigma,
-            problem.jacobian(theta)[:, problem.parameters.free] / sigma[:, None],
+            problem.free_jacobian(theta) / sigma[:, None],
             problem.rows.impacts,
         )
 

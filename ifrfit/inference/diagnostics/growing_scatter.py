@@ -67,7 +67,7 @@ def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
     """
     if problem.noise.is_known or problem.noise.is_scaled or not problem.error_model.is_plain:
         return None
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
+    jacobian = problem.free_jacobian(fit.optimum.theta) / fit.sigma[:, None]
     own = orthonormal(jacobian)
     z = residuals.standardised - own @ (own.T @ residuals.standardised)
     tested = []

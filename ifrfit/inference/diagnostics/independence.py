@@ -96,7 +96,7 @@ def independence(
     ----------
     von Neumann (1941), Ann. Math. Stat. 12, 367; Durbin & Watson (1950), Biometrika 37, 409.
     """
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
+    jacobian = problem.free_jacobian(fit.optimum.theta)
     if also is not None:
         jacobian = np.column_stack((jacobian, also))
     own = orthonormal(jacobian / fit.sigma[:, None])

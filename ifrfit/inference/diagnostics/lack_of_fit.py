@@ -274,7 +274,7 @@ def oblique_groups(problem: Problem) -> list[Index]:
 
 def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array, groups: Sequence[Index]) -> float | None:
     """p of a smooth departure of some rows in tau beyond the model's own directions."""
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
+    jacobian = problem.free_jacobian(fit.optimum.theta) / fit.sigma[:, None]
     found = smooth_departure(groups, problem.rows.tau, jacobian, r)
     return None if found is None else found.p
 

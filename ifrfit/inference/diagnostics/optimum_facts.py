@@ -17,6 +17,7 @@ from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof
 from ifrfit.inference.optimize.noise_modes import noise_at_mode
+from ifrfit.inference.optimize.tied_search import TIED
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.text import joined, plus_minus
 
@@ -82,6 +83,8 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
         proof = f"gap {optimum.gap:.1e}"
     elif optimum.method.endswith(ITERATED):
         proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
+    elif optimum.method.endswith(TIED):
+        proof = "no bound is known for constants that are tied"
     else:
         proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)

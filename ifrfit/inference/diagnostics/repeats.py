@@ -125,7 +125,7 @@ def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:
 def repeated(problem: Problem, fit: LeastSquaresFit, r: Array) -> list[Repeated]:
     """The observables that were measured repeatedly at one setting, with standardised residuals `r`."""
     rows = problem.rows
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
+    jacobian = problem.free_jacobian(fit.optimum.theta)
     by_angle = slope_by_offset(problem, fit.optimum.theta)
     found = []
     for observable in rows.observables:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import transition_name
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.model.problem import OFFSET, Problem
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def resolution_of(n_draws: float) -> float:
 
 
 @dataclass(frozen=True)
-class Draws:
+class Draws(NamedQuantities):
     """Draws of the parameters (and noises), as a `Distribution`.
 
     Attributes
@@ -56,7 +57,9 @@ class Draws:
             If a free parameter has no draws.
         """
         others = [name for name in draws if name.startswith("noise") or name == OFFSET]
-        found = {name: draws[name] for name in problem.parameters.free_names} | kappa_draws(problem, draws)
+        draws = {**draws, **problem.parameters.tied_draws(draws)}
+        names = (*problem.parameters.free_names, *problem.parameters.tied_names)
+        found = {name: draws[name] for name in names} | kappa_draws(problem, draws)
         found |= {name: draws[name] for name in others}
         transitions = {
             transition_name(series): np.broadcast_to(_transition(problem, draws, number), _shape(found))
@@ -162,7 +165,7 @@ def _frozen(draws: Mapping[str, Array]) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
-class WeightedDraws:
+class WeightedDraws(NamedQuantities):
     """Draws of the parameters (and noises) with their weights, as a `Distribution`.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import Distribution
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.model.entry_names import quantity_of
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class Tabulated:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class Mixture(NamedQuantities):
     """Distributions given a further quantity, weighed by how probable its places are, as a `Distribution`.
 
     Attributes

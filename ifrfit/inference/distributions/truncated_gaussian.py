@@ -10,17 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.coordinates import to_parameters
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.result.types import State
 
 Array = NDArray[np.float64]
 
+_SINGULAR = 1e-10  # share of the largest variance below which a direction has none
 _SWEEPS = 40  # of Gibbs sampling per draw; each draw is a chain of its own, so draws are independent
 _RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
 @dataclass(frozen=True)
-class TruncatedGaussian:
+class TruncatedGaussian(NamedQuantities):
     """Gaussian about the optimum in the coordinates e_n, closure constant, kappa, as a `Distribution`.
 
     Marginals are those of the uncut Gaussian, each cut at its own bounds and, where the noise comes from the
@@ -110,6 +112,12 @@ def truncated_draws(state: State, n: int, rng: np.random.Generator) -> Array:
     precision = np.linalg.pinv(cov / np.outer(size, size), hermitian=True)
     low = (lower[free] - center[free]) / size
     high = (upper[free] - center[free]) / size
+    values, vectors = np.linalg.eigh(cov / np.outer(size, size))
+    if values[0] < _SINGULAR * values[-1]:  # entries that are tied: none can be drawn given the others
+        root = vectors * np.sqrt(np.where(values > _SINGULAR * values[-1], values, 0.0))
+        optimum = (point[free] - center[free]) / size
+        phi[:, free] = center[free] + size * _inside(root, low, high, optimum, n, rng)
+        return phi
     z = np.tile(np.clip((point[free] - center[free]) / size, low, high), (n, 1))
     for _ in range(_SWEEPS):
         for i in range(free.size):
@@ -123,6 +131,20 @@ def truncated_draws(state: State, n: int, rng: np.random.Generator) -> Array:
             z[:, i] = mean + sd * np.where(flip, -x, x)
     phi[:, free] = np.clip(center[free] + size * z, lower[free], upper[free])
     return phi
+
+
+def _inside(root: Array, low: Array, high: Array, optimum: Array, n: int, rng: np.random.Generator) -> Array:
+    """n draws of a normal law about 0, (n, k), those between bounds; the optimum where hardly any is."""
+    kept = np.empty((0, low.size))
+    for _ in range(_SWEEPS):
+        drawn = rng.standard_normal((n, root.shape[1])) @ root.T
+        slack = 1e-9
+        kept = np.concatenate((kept, drawn[((drawn >= low - slack) & (drawn <= high + slack)).all(axis=1)]))
+        if len(kept) >= n:
+            break
+    if not len(kept):
+        return np.tile(optimum, (n, 1))
+    return np.clip(kept[np.arange(n) % len(kept)], low, high)
 
 
 def _each(function: Callable[[float], float], x: ArrayLike) -> Array | float:

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ifrfit.errors import UsageError
+
 
 def render(value: Any, depth: int = 0) -> str:
     """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
@@ -32,7 +34,17 @@ def dumps(content: dict[str, Any]) -> str:
 
 
 def write_json(content: dict[str, Any], path: Path) -> None:
-    """Write a JSON file, or replace it; it appears whole or not at all. Its folder must be there."""
+    """Write a JSON file, or replace it; it appears whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        For a path that is a folder, or in a folder that does not exist.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path}: a folder lies there. Name a file in it, as {path / 'result.json'}.")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: the folder {path.parent} does not exist. Make it first.")
     with replaced(path) as fresh:
         fresh.write_text(dumps(content), encoding="utf-8", newline="\n")
 

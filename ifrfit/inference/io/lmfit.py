@@ -74,23 +74,22 @@ def constants_from(params: Any) -> dict[str, dict[str, Any]]:
     Raises
     ------
     UsageError
-        For an expression: constants of a closure are independent.
+        For a parameter that is no constant, in an expression.
     """
+    tie: dict[str, str] = {}
     fix: dict[str, float] = {}
     bounds: dict[str, tuple[float, float]] = {}
     for name, parameter in params.items():
         if parameter.expr:
-            fix[name] = float(parameter.value)
             if any(other in parameter.expr for other in params if other != name):
-                raise UsageError(
-                    f"params: {name} is an expression of other constants ('{parameter.expr}'). "
-                    "Constants are fitted independently: fix it, or leave it free."
-                )
+                tie[name] = str(parameter.expr)
+            else:
+                fix[name] = float(parameter.value)
         elif not parameter.vary:
             fix[name] = float(parameter.value)
         elif np.isfinite(parameter.min) or np.isfinite(parameter.max):
             bounds[name] = (float(parameter.min), float(parameter.max))
-    return {"fix": fix, "bounds": bounds}
+    return {"fix": fix, "bounds": bounds, "tie": tie}
 
 
 def minimizer_result(result: Findings) -> Any:
@@ -106,6 +105,8 @@ def minimizer_result(result: Findings) -> Any:
     import lmfit
 
     problem, optimum = result.problem, result.least_squares
+    if problem is not None and problem.parameters.is_tied:
+        raise UsageError("lmfit_result does not know constants that are tied.")
     if problem is None or optimum is None:
         raise UsageError(
             "lmfit_result needs the fit itself; a result read from a file holds only its findings."

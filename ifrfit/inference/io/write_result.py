@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -35,18 +36,21 @@ class ParameterInFile:
     separate: bool
     passive: Interval | None = field(default=None, metadata=OPTIONAL)
     law: str | None = field(default=None, metadata=OPTIONAL)
+    ties: Mapping[str, str] | None = field(default=None, metadata=OPTIONAL)
 
     @classmethod
     def of(cls, asked: Parameter) -> ParameterInFile:
         """As it stands in the file."""
         law = None if asked.shape is None else asked.shape.exactly
-        return cls((asked.lower, asked.upper), asked.fixed, asked.prior, asked.separate, asked.passive, law)
+        ends, ties = (asked.lower, asked.upper), dict(asked.ties) or None
+        return cls(ends, asked.fixed, asked.prior, asked.separate, asked.passive, law, ties)
 
     def parameter(self, name: str) -> Parameter:
         """As it was."""
         law = None if self.law is None else read_law(self.law)
         shape = law if isinstance(law, ShapedLaw) else None
-        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive, shape)
+        ties = tuple((self.ties or {}).items())
+        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive, shape, ties)
 
 
 def to_dict(result: Findings) -> dict[str, Any]:

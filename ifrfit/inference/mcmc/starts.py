@@ -80,6 +80,7 @@ class Coordinates:
         flat = self.points(at).reshape(-1, self.dimensions)
         drawn = self.density.draws(flat)
         constants = {unknown.name: drawn[unknown.name] for unknown in self.density.unknowns}
+        constants |= {name: drawn[name] for name in self.problem.parameters.tied_names}
         others = {name: values for name, values in drawn.items() if name not in constants}
         found = constants | kappa_draws(self.problem, drawn) | others
         return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}

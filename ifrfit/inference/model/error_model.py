@@ -131,6 +131,13 @@ class ErrorModel:
         return self.tails == GAUSSIAN.name and self.angles == "none"
 
     @property
+    def beyond_plain(self) -> tuple[str, ...]:
+        """The options that need the rows one by one, for messages; empty where errors are plain."""
+        said = [f"--tails {self.tails}"] if self.tails != GAUSSIAN.name else []
+        said += [f"--angle-errors {self.angles}"] if self.angles != "none" else []
+        return (*said, *(["--angle-offset"] if self.offset is not None else []))
+
+    @property
     def integrates(self) -> bool:
         """Whether true angles and spins are integrated out."""
         return self.angles in ("set", "measured")

@@ -79,6 +79,9 @@ class Density:
         total = np.where(inside, 0.0, -np.inf)
         for each, at in zip(self.problem.coordinates, points.T, strict=True):
             total = total + each.log_prior(at)
+        if self.problem.parameters.is_tied:
+            inside = self.problem.parameters.ties_inside(self.theta(points))
+            total = np.where(inside, total, -np.inf)
         return np.asarray(total)
 
     def rows(self, points: Array) -> Array:
@@ -184,4 +187,5 @@ class Density:
         """The points as the exact posterior names its draws, noises as they are; without kappa."""
         columns = points.T.copy()
         columns[self.of_noise] = np.exp(columns[self.of_noise])
-        return dict(zip(self.names, columns, strict=True))
+        drawn = dict(zip(self.names, columns, strict=True))
+        return drawn | self.problem.parameters.tied_draws(drawn)

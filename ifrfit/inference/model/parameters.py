@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.entry_names import entry_name, quantity_of
 from ifrfit.inference.model.prior_laws import Normal, PriorLaw, ShapedLaw
+from ifrfit.inference.model.ties import Ties
 from ifrfit.physics.closure import Closure
 from ifrfit.text import meant
 
@@ -77,6 +78,8 @@ class Parameter:
         The passive domain, where bounds of the user stand in its place.
     shape : ShapedLaw or None
         The law of the prior, where it is neither normal nor uniform; `prior` then has its mean and sd.
+    ties : tuple of (str, str)
+        Its entries that follow from others, each by its name, and the expression.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Parameter:
     separate: bool = False
     passive: tuple[float, float] | None = None
     shape: ShapedLaw | None = None
+    ties: tuple[tuple[str, str], ...] = ()
 
     def fixed_at(self, value: float) -> Parameter:
         """The same parameter fixed at a value, without its prior."""
@@ -225,9 +229,48 @@ class ParameterSet:
     @cached_property
     def free(self) -> NDArray[np.bool_]:
         """Which entries of theta are not fixed, (p,)."""
-        free = np.array([p.fixed is None for p in self.entries])
+        free = np.array([p.fixed is None for p in self.entries]) & ~self.ties.tied
         free.flags.writeable = False
         return free
+
+    @cached_property
+    def ties(self) -> Ties:
+        """Entries that follow from others."""
+        return Ties(self.names, {name: text for p in self.parameters for name, text in p.ties})
+
+    @property
+    def is_tied(self) -> bool:
+        """Whether any entry follows from others."""
+        return any(p.ties for p in self.parameters)
+
+    @property
+    def tied_names(self) -> tuple[str, ...]:
+        """Names of the entries of theta that follow from others."""
+        return tuple(self.ties.expressions)
+
+    @property
+    def moving_names(self) -> tuple[str, ...]:
+        """Names of the entries of theta that are not fixed, tied ones among them."""
+        return tuple(name for name, one in zip(self.names, self.entries, strict=True) if one.fixed is None)
+
+    def tied_draws(self, draws: Mapping[str, Array]) -> dict[str, Array]:
+        """Draws of the tied entries, from those of the free ones by name, each (m,)."""
+        if not self.is_tied:
+            return {}
+        theta = self.theta(np.column_stack([draws[name] for name in self.free_names]))
+        return {name: theta[:, self.names.index(name)] for name in self.tied_names}
+
+    def ties_inside(self, theta: Array) -> NDArray[np.bool_]:
+        """Whether every tied entry of theta, (m, p), lies in its domain, (m,)."""
+        inside = np.ones(theta.shape[0], dtype=bool)
+        for place in np.flatnonzero(self.ties.tied).tolist():
+            own = self.entries[place]
+            inside &= (theta[:, place] >= own.lower) & (theta[:, place] <= own.upper)
+        return inside
+
+    def by_free(self, theta: Array) -> Array:
+        """Derivative of theta, (p,), by its free entries, (p, k)."""
+        return self.ties.slopes(theta, self.free)
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -307,7 +350,7 @@ class ParameterSet:
         """Entries of theta, fixed ones included, (m, p), from the free ones, (m, k)."""
         theta = np.tile(self.fixed, (free.shape[0], 1))
         theta[:, self.free] = free
-        return theta
+        return self.ties.applied(theta) if self.is_tied else theta
 
     @cached_property
     def free_kappas(self) -> tuple[tuple[int, int | None, float], ...]:
@@ -317,7 +360,7 @@ class ParameterSet:
         """
         found: list[tuple[int, int | None, float]] = []
         for mu, e_n in self.kappa_places:
-            if self.free[mu]:
+            if self.free[mu] and not self.ties.tied[e_n]:
                 value = self.entries[e_n].fixed
                 own = (int(self.free_places[e_n]), 0.0) if value is None else (None, value)
                 found.append((int(self.free_places[mu]), *own))
@@ -364,6 +407,7 @@ def make_parameters(
     prior: Mapping[str, tuple[float, float] | PriorLaw] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     separate: Collection[str] = (),
+    tie: Mapping[str, str] | None = None,
 ) -> tuple[Parameter, ...]:
     """Put the user's choices over the passive domain.
 
@@ -373,7 +417,9 @@ def make_parameters(
         For a name the closure does not have, a value outside its bounds, or choices that contradict.
     """
     fix, prior, bounds = dict(fix or {}), dict(prior or {}), dict(bounds or {})
-    for option, names in (("fix", fix), ("prior", prior), ("bounds", bounds), ("separate", separate)):
+    tied = [quantity_of(name) for name in tie or {}]
+    chosen = (("fix", fix), ("prior", prior), ("bounds", bounds), ("separate", separate), ("tie", tied))
+    for option, names in chosen:
         for name in names:
             if name not in closure.constants:
                 raise UsageError(
@@ -403,9 +449,12 @@ def make_parameters(
         moments = None if law is None else law.moments(lower, upper)
         if moments is not None:
             _check_prior(name, *moments, lower, upper)
+            if math.isinf(upper):
+                _check_size(name, *moments)
         passive = default[name] if (lower, upper) != default[name] else None
         shape = law if isinstance(law, ShapedLaw) else None
-        made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape))
+        ties = tuple((entry, text) for entry, text in (tie or {}).items() if quantity_of(entry) == name)
+        made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape, ties))
     return tuple(made)
 
 
@@ -449,6 +498,25 @@ def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) 
             f"--prior {name}={mean:g},{sd:g}: it lies outside the domain [{lower:g}, {upper:g}]. "
             f"If you mean it, widen it with --bounds {name}=LO,HI."
         )
+
+
+def _check_size(name: str, mean: float, sd: float) -> None:
+    """Refuse a prior far beyond the default one: a slip of the decimal point would go unseen."""
+    if mean > _PRIOR_MU + _OUTSIDE * sd:
+        raise UsageError(
+            f"--prior {name}={mean:g},{sd:g}: a {name} beyond {_PRIOR_MU:g} is hardly one of an impact. "
+            f"If you mean it, say how far it may reach with --bounds {name}=0,HI."
+        )
+
+
+def priors_beyond_domain(parameters: Iterable[Parameter]) -> tuple[str, ...]:
+    """What is said of priors whose mean lies outside the domain, where an earlier measurement may lie."""
+    return tuple(
+        f"the prior of {one.name}, {one.prior[0]:g} +- {one.prior[1]:g}, cut off at the end of the domain "
+        f"[{one.lower:g}, {one.upper:g}], beyond which its mean lies"
+        for one in parameters
+        if one.prior is not None and not one.lower <= one.prior[0] <= one.upper
+    )
 
 
 def _check_bounds(name: str, lower: float, upper: float) -> None:

@@ -188,11 +188,17 @@ class Problem:
             out[..., np.arange(k.shape[-1]), places[self.rows.series]] += columns[name]
         return out
 
+    def free_jacobian(self, theta: Array) -> Array:
+        """Derivative of the predicted values by the free entries of theta, (n, k)."""
+        if self.parameters.is_tied:
+            return np.asarray(self.jacobian(theta) @ self.parameters.by_free(theta))
+        return np.asarray(self.jacobian(theta)[:, self.parameters.free])
+
     @cached_property
     def free_parameters(self) -> tuple[FreeParameter, ...]:
         """Domain and prior of each free entry of theta."""
-        pairs = zip(self.parameters.names, self.parameters.entries, strict=True)
-        return tuple(FreeParameter.of(name, each) for name, each in pairs if each.fixed is None)
+        each = zip(self.parameters.names, self.parameters.entries, self.parameters.free, strict=True)
+        return tuple(FreeParameter.of(name, entry) for name, entry, free in each if free)
 
     @cached_property
     def coordinates(self) -> tuple[FreeParameter, ...]:
@@ -250,6 +256,9 @@ class Problem:
         for each, value in zip(self.coordinates, points, strict=True):
             inside = (value >= each.lower) & (value <= each.upper)
             total = total + np.where(inside, each.log_prior(value), -np.inf)
+        if self.parameters.is_tied:
+            flat = self.parameters.theta(flat[:, self.parameters.free])
+            total = np.where(self.parameters.ties_inside(flat), total, -np.inf)
         inside = np.isfinite(total)
         total[inside] += self.row_log_likelihood(flat[inside], noises[inside]).sum(axis=1)
         return total.reshape(theta.shape[:-1])
@@ -420,17 +429,38 @@ def make_problem(
         raise DataError("No rows are left to fit.")
     rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    policy = _noise_policy(observations, sigma, noise)
+    policy = noise_policy(observations, sigma, noise)
     model = NoiseModel(policy, sigma, separate=separate_noise)
     problem = Problem(
         rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
     )
+    _check_ties(problem.parameters)
     if policy == "mixed":
         problem = problem.with_noise(mixed_noise(sigma, problem.groups(), separate=separate_noise))
     return problem
 
 
-def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
+def _check_ties(parameters: ParameterSet) -> None:
+    """Refuse ties that contradict, and such as name no entry of theta.
+
+    Raises
+    ------
+    UsageError
+    """
+    if parameters.is_tied:
+        pairs = list(zip(parameters.names, parameters.entries, strict=True))
+        fixed = [name for name, entry in pairs if entry.fixed is not None]
+        parameters.ties.check(fixed, [name for name, entry in pairs if entry.prior is not None])
+
+
+def noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
+    """What sigma means: as chosen, or as the data's own descriptors and their sigma have it.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `make_problem`.
+    """
     has_all = bool(np.isfinite(sigma).all())
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}

@@ -135,19 +135,32 @@ def gaussian_approximation(
     by_phi[:n] -= shrunk * np.outer(unit, unit @ by_phi[:n])
     free = problem.parameters.free
     scale = problem.parameters.prior_sd / np.abs(np.diag(to_theta))
-    scaled = by_phi[:, free] * scale[free]
+    carried = _carried(problem, theta, to_theta)
+    scaled = (by_phi @ carried) * scale[free]
     left, singular, right = np.linalg.svd(scaled, full_matrices=False)
     p = int(free.sum())
     if singular.size < p:  # fewer rows than constants: the rest of the directions are loose
         _, _, right = np.linalg.svd(scaled, full_matrices=True)
         singular = np.concatenate((singular, np.zeros(p - singular.size)))
     vectors = np.zeros((theta.size, p))
-    vectors[free] = scale[free, None] * right.T
+    vectors[:] = carried @ (scale[free, None] * right.T)
     seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
     fitted = left[:n, seen]
     leverage = ((fitted - shrunk * np.outer(unit, unit @ fitted)) ** 2).sum(axis=1)
     leverage += size / (1.0 + size) * unit**2
     return GaussianApproximation(names, phi, to_theta, vectors, singular, gradient, leverage)
+
+
+def _carried(problem: Problem, theta: Array, to_theta: Array) -> Array:
+    """Derivative of the coordinates of the expansion by those of the free entries, (p, k).
+
+    Tied entries go along with them.
+    """
+    free = problem.parameters.free
+    if not problem.parameters.is_tied:
+        return np.asarray(np.eye(theta.size)[:, free])
+    moved = np.linalg.solve(to_theta, problem.parameters.by_free(theta))
+    return np.asarray(moved @ np.linalg.inv(moved[free]))
 
 
 def weighted_jacobian(

@@ -32,6 +32,7 @@ from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, nois
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
+from ifrfit.inference.optimize.tied_search import searched_sigma
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
@@ -106,6 +107,8 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
     DataError
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
+    if problem.parameters.is_tied and not problem.noise.is_known:
+        return _with_plain_errors(problem, start, searched_sigma(problem))
     if not problem.error_model.is_plain:
         return _iteratively_reweighted(problem)
     if problem.error_model.offset is not None:

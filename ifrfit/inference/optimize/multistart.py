@@ -36,7 +36,7 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
     found = [(float(ends.value[i]), ends.theta[i]) for i in order]
     found[0] = float(polished.value[0]), polished.theta[0]
     method = f"best of {1 if near is not None else len(starts(problem))} starts"
-    minima = _distinct(problem, sigma, found)
+    minima = distinct(problem, sigma, found)
     return Optimum(found[0][1], found[0][0], None, minima, method, is_local=near is not None)
 
 
@@ -73,7 +73,7 @@ def _spread(lower: float, upper: float, fixed: float | None) -> tuple[float, ...
     return (lower + 0.1 * width, lower + 0.5 * width, lower + 0.9 * width)
 
 
-def _distinct(
+def distinct(
     problem: Problem, sigma: Array, found: list[tuple[float, Array]]
 ) -> tuple[tuple[float, Array], ...]:
     """Local minima at different places within `NEAR`; starts that stopped on the way to a better one too.

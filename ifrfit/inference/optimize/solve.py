@@ -25,6 +25,7 @@ from ifrfit.inference.optimize.parameter_group import (
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
+from ifrfit.inference.optimize.tied_search import tied_search
 from ifrfit.inference.optimize.transition_search import optimum_in_c_and_kappa, unlimited
 
 _NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
@@ -52,6 +53,8 @@ def solve(
     -------
     Optimum
     """
+    if problem.parameters.is_tied:
+        return tied_search(problem, sigma, near)
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     independent = independent_groups(problem, sigma)

@@ -322,16 +322,42 @@ def noise_over_squares(own: NoiseScale, law: DiscreteLaw, negligible: float, nam
     sigma, rule = np.exp(nodes), axis.weights()[0]
     panels = PanelCdf.of(axis, density)
 
-    @cache
-    def moments(level: int) -> tuple[float, float]:
-        probability = rule * density[level]
-        mean = float(probability @ sigma)
-        return mean, math.sqrt(max(float(probability @ (sigma - mean) ** 2), 0.0))
+    given = _GivenSquares(sigma, rule * density, panels)
+    return Marginal(name, own.lower, own.upper, given.moments, given.cdf)
 
-    def cdf(t: Array, levels: int) -> Array:
-        return panels.below_in_all(np.log(np.maximum(t, 1e-300)), levels)
 
-    return Marginal(name, own.lower, own.upper, moments, cdf)
+@dataclass(frozen=True)
+class _GivenSquares:
+    """The law of an unknown sigma, by nodes: results that hold one can be copied to other processes.
+
+    Attributes
+    ----------
+    sigma : ndarray, (n,)
+    probability : ndarray, (2, n)
+        By the rules, and by the coarse ones.
+    panels : PanelCdf
+        In the logarithm of sigma.
+    """
+
+    sigma: Array
+    probability: Array
+    panels: PanelCdf
+
+    def moments(self, level: int) -> tuple[float, float]:
+        """Mean and standard deviation."""
+        return self._moments[level]
+
+    @cached_property
+    def _moments(self) -> tuple[tuple[float, float], ...]:
+        found = []
+        for probability in self.probability:
+            mean = float(probability @ self.sigma)
+            found.append((mean, math.sqrt(max(float(probability @ (self.sigma - mean) ** 2), 0.0))))
+        return tuple(found)
+
+    def cdf(self, t: Array, levels: int) -> Array:
+        """Distribution function, (levels, n)."""
+        return self.panels.below_in_all(np.log(np.maximum(t, 1e-300)), levels)
 
 
 def _edges(own: NoiseScale, least: float, most: float) -> Array:

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.distributions.quantity_names import NamedQuantities
 from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.layout_marginals import marginals_of
 from ifrfit.inference.posterior.marginals import Marginal, covariance, whole_error
 from ifrfit.inference.posterior.parameter_marginals import transition_marginal
 from ifrfit.inference.posterior.sampling import draw
@@ -27,7 +29,7 @@ _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
 _RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
-class PosteriorByMarginals:
+class PosteriorByMarginals(NamedQuantities):
     """What a posterior says of each quantity by its `Marginal`, whatever the integral behind these."""
 
     if TYPE_CHECKING:
@@ -44,6 +46,18 @@ class PosteriorByMarginals:
             """That of means and standard deviations."""
 
         def _transition(self, series: str, p: Array) -> Array: ...
+
+        def _made_marginals(self) -> Mapping[str, Marginal]:
+            """The marginals, made anew of what else is held."""
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without the marginals, which are functions of functions: a copy makes its own, the same."""
+        return {name: held for name, held in self.__dict__.items() if name != "marginals"}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """What was held, and the marginals of it."""
+        self.__dict__.update(state)
+        self.__dict__["marginals"] = self._made_marginals()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -141,6 +155,9 @@ class QuadraturePosterior(PosteriorByMarginals):
     def is_falling(self) -> bool:
         """Whether the last round halved the error: a single difference may miss what no node sees."""
         return len(self.errors) > 1 and self.errors[-1] <= 0.5 * self.errors[-2]
+
+    def _made_marginals(self) -> Mapping[str, Marginal]:
+        return marginals_of(self.layout, self.density)
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Posterior covariance of free entries of theta, (n, n)."""

@@ -63,6 +63,8 @@ class TransitionPosterior(PosteriorByMarginals):
     transition_scale : float
         b: kappa over the tau at which sticking ends.
     start : LeastSquaresFit
+    has_few_points : bool
+        Whether few points of e_n served the marginals.
     """
 
     problem: Problem
@@ -73,6 +75,7 @@ class TransitionPosterior(PosteriorByMarginals):
     error: float
     transition_scale: float
     start: LeastSquaresFit = field(repr=False)
+    has_few_points: bool = field(repr=False)
     _kappa: KappaIntegral = field(repr=False)
     _e_n: RestitutionIntegral = field(repr=False)
 
@@ -80,6 +83,12 @@ class TransitionPosterior(PosteriorByMarginals):
     def error_of_moments(self) -> float:
         """That of all results: means and standard deviations are among them."""
         return self.error
+
+    def _made_marginals(self) -> Mapping[str, Marginal]:
+        question = PlainQuestion.of(self.problem)
+        assert question is not None
+        few = self.has_few_points
+        return _marginals(self.problem, question, self._kappa, self._e_n, self.tolerance, few=few)
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Posterior covariance of free entries of theta and kappa, (n, n); e_n is independent of c."""
@@ -163,6 +172,7 @@ def transition_posterior(
                 error,
                 question.law.b0,
                 start,
+                few,
                 kappa,
                 e_n,
             )

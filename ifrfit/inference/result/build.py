@@ -36,6 +36,7 @@ from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.optimize.noise_modes import likely_sigma
@@ -208,7 +209,9 @@ def build_result(
     own = estimation.distribution
     about = replace(about, beside_marginals=own is not None)
     constants, kappas, transitions = _estimates(problem, about, estimation)
-    names = problem.parameters.free_names
+    brief = brief or problem.parameters.is_tied  # other fits of the same rows do not know the ties
+    constants = _with_ties(problem, constants)
+    names = problem.parameters.moving_names
     distribution: Distribution = about.gaussian if own is None else own
     noise = NoiseSummary(
         reported_policy(problem),
@@ -263,6 +266,23 @@ def build_result(
         profiles=estimation.profiles,
         files=estimation.files,
     )
+
+
+def _with_ties(problem: Problem, constants: Constants) -> Constants:
+    """The constants, those that are tied with their expression as the reason of their status."""
+    if not problem.parameters.is_tied:
+        return constants
+    reasons = {name: f"tied: {text}" for name, text in problem.parameters.ties.expressions.items()}
+
+    def with_reason(name: str, found: Estimate) -> Estimate:
+        return replace(found, reason=reasons[name]) if name in reasons else found
+
+    return {
+        name: with_reason(name, found)
+        if isinstance(found, Estimate)
+        else {series: with_reason(entry_name(name, series), own) for series, own in found.items()}
+        for name, found in constants.items()
+    }
 
 
 def _drawn(distribution: Distribution | None, seed: int) -> Mapping[str, Any] | None:
@@ -380,6 +400,12 @@ def _misfit(
 
 def _warnings(problem: Problem) -> tuple[str, ...]:
     said = list(problem.observations.notes)
+    if problem.parameters.is_tied:
+        each = (f"{name} = {text}" for name, text in problem.parameters.ties.expressions.items())
+        said.append(
+            f"Tied: {', '.join(each)}. The optimum is the best of many starts, not proven; slips, outliers, "
+            "effects, sharing, profiles and other closures are not looked for beside ties."
+        )
     rows = problem.rows
     ignored = [
         problem.observations.called(column)
@@ -407,31 +433,15 @@ def _given(problem: Problem) -> tuple[str, ...]:
 
 def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
     """Which given sigmas are not used, why, and what would have them used."""
-    if not problem.noise.has_unknown:
+    if not problem.noise.is_unknown:
         return ()
-    table = problem.observations.table
-    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
-    groups = problem.groups()
-    if problem.noise.is_unknown and any(given[rows].all() for rows in groups.values()):
-        return (
-            f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
-            "from the misfit. Give every row a sigma, or choose --noise.",
-        )
-    said = []
-    for name, rows in groups.items():
-        lacking = rows[~given[rows]]
-        if lacking.size in (0, rows.size):
-            continue
-        series, _, observable = name.rpartition("/")
-        where = f" in {series}" if len(problem.series) > 1 else ""
-        first = table.iloc[int(lacking[0])]
-        count = f"{lacking.size} have none, the first" if lacking.size > 1 else "one has none"
-        said.append(
-            f"sigma is given for {rows.size - lacking.size} of {rows.size} values of {observable}{where}, "
-            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all "
-            "comes from the misfit. Give each a sigma, or leave those without one out."
-        )
-    return tuple(said)
+    given = np.isfinite(problem.observations.table["sigma"].to_numpy(dtype=float))
+    if not given.any():
+        return ()
+    return (
+        f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
+        "from the misfit. Give every row a sigma, or choose --noise.",
+    )
 
 
 def _versions() -> dict[str, str]:

@@ -5,12 +5,50 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ifrfit.errors import UsageError
+from ifrfit.errors import UnknownNameError, UsageError
+from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.result.types import Constants, Estimate, by_entry
 from ifrfit.text import joined, meant
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class SeriesEstimates(dict[str, Estimate]):
+    """A constant that each series has for itself: series to estimate.
+
+    Parameters
+    ----------
+    name : str
+        Of the constant.
+    estimates : mapping of str to Estimate
+    """
+
+    def __init__(self, name: str, estimates: Mapping[str, Estimate]) -> None:
+        super().__init__(estimates)
+        self._name = name
+
+    def __missing__(self, series: str) -> Estimate:
+        raise UnknownNameError(
+            f"There is no series '{series}' with a {self._name}. There are {joined(list(self))}."
+            f"{meant(str(series), list(self))}"
+        )
+
+    def __getattr__(self, name: str) -> Estimate:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        first = next(iter(self), "")
+        raise AttributeError(
+            f"{self._name} is separate: each series has its own, of {joined(list(self))}. Take "
+            f'constants.{self._name}["{first}"].{name}, say.'
+        )
+
+    def __format__(self, spec: str) -> str:
+        """Every series with its estimate in this format."""
+        return ", ".join(f"{series}: {estimate:{spec}}" for series, estimate in self.items())
+
+    def __reduce__(self) -> tuple[type[SeriesEstimates], tuple[str, dict[str, Estimate]]]:
+        return SeriesEstimates, (self._name, dict(self))
 
 
 class ConstantsTable(Mapping[str, "Estimate | Mapping[str, Estimate]"]):
@@ -24,13 +62,16 @@ class ConstantsTable(Mapping[str, "Estimate | Mapping[str, Estimate]"]):
     """
 
     def __init__(self, constants: Constants) -> None:
-        self._constants = dict(constants)
+        self._constants = {
+            name: found if isinstance(found, Estimate) else SeriesEstimates(name, found)
+            for name, found in constants.items()
+        }
 
     def __getitem__(self, name: str) -> Estimate | Mapping[str, Estimate]:
         try:
             return self._constants[name]
         except KeyError:
-            raise KeyError(self._unknown(name)) from None
+            raise UnknownNameError(self._unknown(name)) from None
 
     def __getattr__(self, name: str) -> Estimate | Mapping[str, Estimate]:
         if name.startswith("_"):
@@ -42,7 +83,13 @@ class ConstantsTable(Mapping[str, "Estimate | Mapping[str, Estimate]"]):
 
     def _unknown(self, name: str) -> str:
         names = list(self._constants)
-        return f"There is no constant '{name}'. It has {joined(names)}.{meant(name, names)}"
+        quantity, series = split_name(name)
+        own = self._constants.get(quantity)
+        if isinstance(own, SeriesEstimates):
+            hint = f' Take constants.{quantity}["{series}"].'
+        else:
+            hint = meant(name, names)
+        return f"There is no constant '{name}'. It has {joined(names)}.{hint}"
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._constants)

@@ -6,6 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
+from ifrfit.errors import UnknownNameError
+from ifrfit.text import joined, meant
+
 Value = TypeVar("Value")
 
 
@@ -29,6 +32,9 @@ class Deferred(Mapping[str, Value], Generic[Value]):
         return self._compute()
 
     def __getitem__(self, key: str) -> Value:
+        if key not in self._entries:
+            names = list(self._entries)
+            raise UnknownNameError(f"There is no '{key}'. There are {joined(names)}.{meant(str(key), names)}")
         return self._entries[key]
 
     def __iter__(self) -> Iterator[str]:
@@ -40,8 +46,13 @@ class Deferred(Mapping[str, Value], Generic[Value]):
     def __repr__(self) -> str:
         return repr(dict(self._entries))
 
-    def __reduce__(self) -> tuple[type[dict[str, Value]], tuple[dict[str, Value]]]:
-        return dict, (dict(self._entries),)
+    def __reduce__(self) -> tuple[Callable[[dict[str, Value]], Deferred[Value]], tuple[dict[str, Value]]]:
+        return known, (dict(self._entries),)
+
+
+def known(entries: Mapping[str, Value]) -> Deferred[Value]:
+    """Entries that are known already, and that say of another key which there are."""
+    return Deferred(lambda: entries)
 
 
 class Postponed(Generic[Value]):

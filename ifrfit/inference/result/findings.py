@@ -19,7 +19,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.constants_table import ConstantsTable
-from ifrfit.inference.result.deferred import PostponedField
+from ifrfit.inference.result.deferred import Deferred, PostponedField, known
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -129,6 +129,8 @@ class Findings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "constants", ConstantsTable(self.constants))
+        if not isinstance(self.facts, Deferred):
+            object.__setattr__(self, "facts", known(self.facts))
         if cast("Distribution | None", self.distribution) is None:
             object.__setattr__(self, "distribution", distribution_of(self.state))
 

@@ -180,6 +180,8 @@ class FitResult(Findings, Display):
         from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 
         problem, optimum = self.problem_and_optimum()
+        if problem.parameters.is_tied:
+            raise UsageError("Intervals are compared where no constants are tied: leave --intervals out.")
         if problem.offset is not None:
             raise UsageError("Intervals are not compared with an angle offset: leave --intervals out.")
         if not self.noise.error_model.is_plain:
@@ -365,6 +367,8 @@ class FitResult(Findings, Display):
 
     def _profile(self, name: str) -> Any:
         profiles = self.profiles
+        if not profiles and self.problem_and_optimum()[0].parameters.is_tied:
+            raise UsageError("Profiles do not know constants that are tied.")
         if not profiles:
             from ifrfit.inference.profile.profile_all import profile_all
 

@@ -36,11 +36,19 @@ _MOST_FRICTION = 2.0  # in mu: apparent friction above which more than half of i
 
 def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
-    if n < 0:
-        raise UsageError(f"{n} draws: it must be 0 or more.")
+    _check_draws(n, rng)
     if result.problem is None or result.state.sample is None:
         return draw_kept(result, n, rng)
     return _table(result.state.names, to_coordinates(result.problem, result.distribution.draws(n, rng)))
+
+
+def _check_draws(n: object, rng: object) -> None:
+    """Refuse what is no number of draws, or draws nothing."""
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or int(n) < 0:
+        raise UsageError(f"{n!r} draws: it must be a whole number, 0 or more.")
+    if not isinstance(rng, np.random.Generator):
+        hint = f"numpy.random.default_rng({rng if isinstance(rng, int) else ''})"
+        raise UsageError(f"rng: {rng!r:.40} draws nothing. Give a Generator, as {hint}.")
 
 
 def draw_kept(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:

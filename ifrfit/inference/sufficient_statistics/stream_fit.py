@@ -151,6 +151,7 @@ def fit_stream(
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
+    _refuse_few_sigmas(of)
     questions = questions_of(of)
     solved, fetched = solve_together(questions, reader)
     values = [
@@ -163,6 +164,28 @@ def fit_stream(
         )
         for each, question, found, value in zip(asked, questions, solved, values, strict=True)
     ]
+
+
+def _refuse_few_sigmas(of: Accumulated) -> None:
+    """Refuse an observable most of whose values lack the sigma that others have, as the fit in memory does.
+
+    Raises
+    ------
+    DataError
+        With the remedies.
+    """
+    names = of.stream.observables
+    used = of.sums[:, :, N].sum(axis=1).reshape(-1, len(names)).sum(axis=0)
+    for name, count in zip(names, used.tolist(), strict=True):
+        reason = f"sigma of {name}"
+        lost = of.tally.skipped[reason]
+        if lost > count > 0:
+            first = next(iter(of.tally.places.get(reason, [])), of.stream.path)
+            whole = int(count + lost)
+            raise DataError(
+                f"{first}: no sigma, and only {int(count)} of {whole} values of {name} have one. Give it to "
+                "the others, leave them out, or take --noise unknown, which uses no sigma."
+            )
 
 
 def _estimated(

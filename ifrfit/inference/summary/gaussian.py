@@ -52,7 +52,7 @@ def local_quantities(problem: Problem, fit: LeastSquaresFit) -> dict[str, tuple[
     theta, names, entries = fit.optimum.theta, problem.parameters.names, problem.parameters.entries
     found = {
         names[place]: (float(theta[place]), fit.gaussian.to_theta[place], entries[place].domain)
-        for place in np.flatnonzero(problem.parameters.free).tolist()
+        for place in np.flatnonzero(problem.parameters.free | problem.parameters.ties.tied).tolist()
     }
     for number, kappa in enumerate(problem.parameters.kappas):
         if kappa.name and kappa.name not in found:

@@ -22,8 +22,8 @@ _SURE = 2.0  # standard errors beyond which cross-validation is heard
 
 
 def cross_validated(comparison: Comparison) -> bool:
-    """Whether impacts were left out of every closure's fit."""
-    return all(entry.loo is not None for entry in comparison.entries.values())
+    """Whether impacts were left out of the fit of any closure, with a number."""
+    return any(entry.loo is not None for entry in comparison.entries.values())
 
 
 def criteria(comparison: Comparison) -> list[Column]:
@@ -61,7 +61,8 @@ def _short(x: float) -> str:
 
 def _difference(entry: Entry) -> str:
     loo = entry.loo
-    assert loo is not None
+    if loo is None:
+        return "-"
     if loo.difference == 0.0:
         return "the best"
     if not loo.se_difference > 0.0:
@@ -71,17 +72,18 @@ def _difference(entry: Entry) -> str:
 
 def _refits(entry: Entry) -> str:
     loo = entry.loo
-    assert loo is not None
+    if loo is None:
+        return "-"
     parts = [f"{len(loo.refitted)} refitted"] if loo.refitted else []
     parts += [f"{len(loo.doubtful)} doubtful"] if loo.doubtful else []
     return ", ".join(parts) or "none"
 
 
 CROSS_VALIDATION: list[Column] = [
-    ("leave-one-impact-out", lambda e: fixed(e.loo.elpd, 2) if e.loo else ""),
+    ("leave-one-impact-out", lambda e: fixed(e.loo.elpd, 2) if e.loo else "-"),
     ("difference", _difference),
-    ("p_loo", lambda e: fixed(e.loo.p_loo, 1) if e.loo else ""),
-    ("largest Pareto k", lambda e: _k_text(e.loo.largest_k) if e.loo else ""),
+    ("p_loo", lambda e: fixed(e.loo.p_loo, 1) if e.loo else "-"),
+    ("largest Pareto k", lambda e: _k_text(e.loo.largest_k) if e.loo else "-"),
     ("k too large", _refits),
 ]
 
@@ -201,8 +203,8 @@ def _of_cross_validation(comparison: Comparison) -> list[str]:
         return []
     lines = []
     best = comparison.ranked[0]
-    own = found[best]
-    if own.difference < -_SURE * own.se_difference:
+    own = found.get(best)
+    if own is not None and own.difference < -_SURE * own.se_difference:
         first = max(found, key=lambda name: found[name].elpd)
         lines.append(
             f"cross-validation favours {title(first)}, the evidence {title(best)}: the priors' widths or a "

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from comparison_data import observations
 from factories import problem_of
 
 from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.compare import _weighed
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
 from ifrfit.inference.comparison.result import HOPELESS
 from ifrfit.inference.fit import fit
@@ -149,3 +152,31 @@ def test_refits_keep_the_prior_of_the_noise():
     found = left_out(result.problem, integrate(result.problem).log_evidence, density.impact != largest)
     smoothed = loo_of(result, SEED)
     assert found == pytest.approx(smoothed.pointwise[largest], abs=0.15)
+
+
+def test_a_closure_without_a_number_leaves_the_others_theirs(monkeypatch):
+    data = observations("ifr", sigma=0.05, e_t=-0.85)
+    whole = compare(data, ("f", "fr", "ifr"), fix={"e_n": 0.9}, noise="known")
+
+    def lossy(fit, seed, **choices):
+        found = loo_of(fit, seed, **choices)
+        if fit.closure != "fr":
+            return found
+        pointwise = found.pointwise.copy()
+        pointwise[2] = math.nan
+        return replace(found, pointwise=pointwise, elpd=math.nan)
+
+    monkeypatch.setattr(sys.modules[_weighed.__module__], "loo_of", lossy)
+    found = compare(data, ("f", "fr", "ifr"), fix={"e_n": 0.9}, noise="known")
+    assert found.entries["fr"].loo is None
+    for name in ("f", "ifr"):
+        assert found.entries[name].loo.elpd == whole.entries[name].loo.elpd
+        assert math.isfinite(found.entries[name].loo.difference)
+    note = next(note for note in found.notes if "gives no number" in note)
+    assert note.startswith("Cross-validation of FR gives no number: by its draws line ")
+    text = found.summary()
+    assert "nan" not in text
+    assert "leave-one-impact-out" in text
+    assert "gives no number" in text
+    found.plot()
+    assert "nan" not in found._repr_html_()

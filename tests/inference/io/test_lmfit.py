@@ -41,12 +41,15 @@ def test_parameters_bring_fixed_values_and_bounds(impacts):
     assert found.constants["e_n"].status == "fixed"
 
 
-def test_an_expression_of_other_constants_is_refused(impacts):
+def test_an_expression_of_other_constants_is_a_tie(impacts):
     params = lmfit.Parameters()
     params.add("e_n", value=0.94)
     params.add("mu", expr="0.1 * e_n")
-    with pytest.raises(UsageError, match="mu is an expression of other constants"):
-        ifrfit.fit(impacts(gamma=GAMMA), params=params)
+    path = impacts(gamma=GAMMA, noise=0.03, sigma=0.03)
+    found = ifrfit.fit(path, params=params, method="lsq").constants
+    assert found == ifrfit.fit(path, tie={"mu": "0.1 * e_n"}, method="lsq").constants
+    with pytest.raises(UsageError, match="does not know tie"):
+        ifrfit.fit(path, params=params)
 
 
 def test_undetermined_constants_are_held_in_the_lmfit_result(impacts):

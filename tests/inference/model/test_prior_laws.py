@@ -208,3 +208,14 @@ def test_moments_of_narrow_and_wide_laws(median, log_sd):
 def test_a_class_is_no_law():
     with pytest.raises(UsageError, match="is not two numbers, mean and sd, nor a law"):
         ifrfit.fit(TABLE, prior={"mu": ifrfit.LogNormal})
+
+
+def test_a_prior_far_from_any_impact_is_refused_and_one_beside_the_domain_is_said():
+    columns = {"gamma_deg": [10.0, 30.0, 50.0, 70.0], "beta": [0.4, 0.4, 0.1, -0.5], "sigma": 0.02}
+    with pytest.raises(UsageError, match=r'"mu": \(50, 0\.01\).*beyond 2 .*bounds=\{"mu": \(0, HI\)\}'):
+        ifrfit.fit(**columns, prior={"mu": (50.0, 0.01)})
+    ifrfit.fit(**columns, prior={"mu": (50.0, 0.01)}, bounds={"mu": (0.0, 60.0)}, method="lsq")
+    found = ifrfit.fit(**columns, prior={"e_n": (1.01, 0.01)}, method="lsq")
+    assert any("1.01 +- 0.01, cut off at the end of the domain [0, 1]" in said for said in found.assumed)
+    inside = ifrfit.fit(**columns, prior={"e_n": (0.99, 0.01)}, method="lsq")
+    assert not any("cut off" in said for said in inside.assumed)

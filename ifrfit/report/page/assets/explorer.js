@@ -121,7 +121,7 @@
 
   const width = () => Math.max(280, plot.parentElement.clientWidth);
   const HEIGHT = 360;
-  const MARGIN = { left: 46, right: 8, top: 10, bottom: 40 };
+  const MARGIN = { left: 52, right: 8, top: 10, bottom: 40 };
 
   function path(observable, v, c, spinX, spinY, x, y, bounds) {
     let line = "";

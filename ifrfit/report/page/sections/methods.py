@@ -113,8 +113,12 @@ def _choices(result: FitResult) -> list[str]:
     separate = [each.name for each in result.asked if each.separate and each.fixed is None]
     if separate and any(len(by_series(result.constants.get(name))) > 1 for name in separate):
         found.append(f"Each series has its own {joined(separate)}.")
+    tied = [f"{name} = {text}" for each in result.asked for name, text in each.ties]
+    if tied:
+        found.append(f"Tied: {joined(tied)}.")
     known = result.is_posterior
-    free = [_free_words(each, is_posterior=known) for each in result.asked if each.fixed is None]
+    whole = [each for each in result.asked if each.fixed is None and each.name not in dict(each.ties)]
+    free = [_free_words(each, is_posterior=known) for each in whole]
     if free:
         found.append(f"{'Priors' if known else 'Bounds'}: {'; '.join(free)}.")
     return found

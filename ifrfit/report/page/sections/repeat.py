@@ -180,6 +180,8 @@ def from_points(result: FitResult, file: str) -> str:
             words += ["--prior", f"{constant.name}={constant.prior[0]!r},{constant.prior[1]!r}"]
         if constant.separate:
             words += ["--separate", constant.name]
+        for name, text in constant.ties:
+            words += ["--tie", f"{name}={text}"]
     if result.seed:
         words += ["--seed", str(result.seed)]
     return shlex.join(words)
