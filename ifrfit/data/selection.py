@@ -207,10 +207,11 @@ NO_SIGMA = "without a sigma, beside others that have one"
 
 
 def rows_with_sigma(obs: Observations) -> Observations:
-    """Leave rows without a sigma out where others of their series and observable have one.
+    """Leave rows without a sigma out where most of their series and observable have one.
 
     What sets such a row apart may be its noise, which one row cannot tell; the sigma of the others holds for
-    them all the same. Where no row of a series and observable has a sigma, all of them stay.
+    them all the same. Where most lack it, what is given is used for none of them, and a note says so; where
+    no row of a series and observable has a sigma, all of them stay.
 
     Parameters
     ----------
@@ -220,48 +221,39 @@ def rows_with_sigma(obs: Observations) -> Observations:
     -------
     Observations
         With `Source.rows_used` and ``rows_skipped`` brought up to date.
-
-    Raises
-    ------
-    DataError
-        Where more rows of a series and observable lack a sigma than have one.
     """
     table = obs.table
-    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
+    sigma = table["sigma"].to_numpy(dtype=float).copy()
+    given = np.isfinite(sigma)
     if given.all() or not given.any():
         return obs
     kinds = [table["series"].to_numpy(dtype=object), table["observable"].to_numpy(dtype=object)]
     lacks = np.zeros(len(table), dtype=bool)
+    notes = []
     for series, observable in dict.fromkeys(zip(*kinds, strict=True)):
         rows = np.flatnonzero((kinds[0] == series) & (kinds[1] == observable))
         known = int(np.count_nonzero(given[rows]))
         if not 0 < known < rows.size:
             continue
         if 2 * known < rows.size:
-            first = table.iloc[rows[~given[rows]][0]]
-            raise DataError(too_few_sigmas(first, known, rows.size))
-        lacks[rows] = ~given[rows]
-    if not lacks.any():
+            notes.append(_used_for_none(table.iloc[rows[~given[rows]][0]], known, rows.size))
+            sigma[rows] = np.nan
+        else:
+            lacks[rows] = ~given[rows]
+    if not (lacks.any() or notes):
         return obs
     why = np.where(lacks, NO_SIGMA, "").astype(object)
     sources = tuple(_counted(source, table, why) for source in obs.sources)
-    return replace(obs, table=table.loc[~lacks].reset_index(drop=True), sources=sources)
+    kept = table.assign(sigma=sigma).loc[~lacks].reset_index(drop=True)
+    return replace(obs, table=kept, sources=sources).with_note(*notes)
 
 
-def too_few_sigmas(first: Mapping[str, Any], known: int, n: int) -> str:
-    """What is said where most values of a series and observable lack the sigma that others have.
-
-    Parameters
-    ----------
-    first : mapping
-        The first row without one: its source, row, series and observable.
-    known, n : int
-        How many values have one, and how many there are.
-    """
+def _used_for_none(first: Mapping[str, Any], known: int, n: int) -> str:
+    """What is said where most values of a series and observable lack the sigma that others have."""
     return (
         f"{first['source']}, line {first['row']}: no sigma, and only {known} of {n} values of "
-        f"{first['observable']} in {first['series']} have one. Give it to the others, leave them out, or "
-        "take --noise unknown, which uses no sigma."
+        f"{first['observable']} in {first['series']} have one, which is not used: the noise of all comes "
+        "from the misfit. Give it to the others, or leave them out."
     )
 
 

@@ -95,8 +95,12 @@ def test_few_rows_with_a_sigma_say_nothing_of_the_others(impacts):
     lines = path.read_text(encoding="utf-8").splitlines()
     lines[1:10] = (line.rpartition(",")[0] + "," for line in lines[1:10])
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    with refused(DataError, match="line 2: no sigma, and only 7 of 16 values of beta in run have one"):
-        ifrfit.fit(path, method="lsq")
+    found = ifrfit.fit(path, method="lsq")
+    assert found.noise.policy == "mixed"
+    assert found.noise.given == ("run/e_n",)
+    assert found.inputs[0].rows_used == 21
+    said = next(each for each in found.warnings if "not used" in each)
+    assert said.startswith("impacts.csv, line 2: no sigma, and only 7 of 16 values of beta in run have one")
     assert ifrfit.fit(path, method="lsq", noise="unknown").noise.policy == "unknown"
 
 
@@ -115,9 +119,9 @@ def test_data_not_held_in_memory_leave_the_same_rows_out(tmp_path):
     assert held.inputs[0].rows_used == streamed.inputs[0].rows_used == 57
     table.loc[:35, "sigma_beta"] = np.nan
     table.to_csv(tmp_path / "part.csv", index=False)
-    for data in (table, tmp_path):
-        with refused(DataError, match=r"only 23 of 60 values of beta"):
-            ifrfit.fit(data, fix={"e_n": 0.9})
+    assert ifrfit.fit(table, fix={"e_n": 0.9}).noise.policy == "unknown"
+    with refused(DataError, match=r"only 23 of 60 values of beta"):  # one noise for all is all that is known
+        ifrfit.fit(tmp_path, fix={"e_n": 0.9})
 
 
 def test_a_part_without_unknown_noise_is_known(impacts):

@@ -167,7 +167,7 @@ def fit_stream(
 
 
 def _refuse_few_sigmas(of: Accumulated) -> None:
-    """Refuse an observable most of whose values lack the sigma that others have, as the fit in memory does.
+    """Refuse an observable most of whose values lack the sigma that others have: too many would be left out.
 
     Raises
     ------
