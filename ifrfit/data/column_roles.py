@@ -26,6 +26,7 @@ from ifrfit.physics.observables import OBSERVABLES
 _WITH_UNIT = ("angle", "speed", "rate", "length")
 _IN_PERCENT = ("observable", "open", "sigma", "sd")  # kinds of columns that may be, where they are numbers
 # Half a turn about x takes a z that points out of the wall into one that points in: these change sign.
+_SPINS = {"spin": "omega_y", "spin_after": "omega_y_after"}
 _TURNED = tuple(f"{vector}_{axis}" for vector in ("u", "v", "omega") for axis in "yz")
 
 
@@ -114,12 +115,41 @@ def _column(index: int, header: str, role: Role, layout: Layout) -> Column:
         key, sign = meaning
     if role.kind in ("sigma", "sd"):
         return Column(index, header, f"{role.kind}:{key}", role.dimension, role.unit)
-    if role.kind == "raw":
+    if role.kind in ("raw", "sigma_raw") and key in _SPINS:
+        key, sign = _spin(role, layout, at)
+    elif role.kind == "raw":
         sign = -1.0 if layout.conventions.out_of_wall and key.startswith(_TURNED) else 1.0
-        key = f"raw:{key}"
-    if role.kind == "sigma_raw":
-        key = f"sigma:raw:{key}"
+    if role.kind == "raw" and key.startswith("angle_after"):
+        key = _angle_after(header, role, layout, at)
+    if role.kind in ("raw", "sigma_raw"):
+        key = f"raw:{key}" if role.kind == "raw" else f"sigma:raw:{key}"
+        sign = sign if role.kind == "raw" else 1.0
     return Column(index, header, key, role.dimension, role.unit, sign)
+
+
+def _spin(role: Role, layout: Layout, at: str) -> tuple[str, float]:
+    """Return the component that a spin without one is, and its sign: along y, z into the wall, x the way it goes.
+
+    A ball that rolls on the way it goes turns against y in this frame: its topspin is -omega_y.
+    """
+    choice = layout.conventions.choices.get("spin")
+    if choice is None and role.kind == "raw":
+        raise DataError(f"{at}: {OPEN_QUESTIONS['spin']}.")
+    return _SPINS[role.name], -1.0 if choice == "topspin" else 1.0
+
+
+def _angle_after(header: str, role: Role, layout: Layout, at: str) -> str:
+    """Return the key of an angle after impact with the side from which it is measured."""
+    said = layout.conventions.angle_from
+    if role.name != "angle_after":
+        return role.name
+    if said is None:
+        raise DataError(
+            f"{at}: could be measured from the wall or from its normal. Say which, for angles before and after "
+            f"alike: {suggest('angle=from-wall')} or {suggest('angle=from-normal')}; or call this one "
+            f"angle_out_from_wall_deg or angle_out_from_normal_deg."
+        )
+    return f"angle_after_{said.replace('-', '_')}"
 
 
 def _check_unit(role: Role, at: str) -> None:
@@ -151,13 +181,21 @@ def _raw_uncertainties(layout: Layout) -> None:
             _add(layout, replace(column, key=f"sigma:raw:{name}", dimension="speed"))
 
 
+# values whose uncertainty is called otherwise than they are
+_PARTNERS = {
+    "sigma_gamma": ("gamma",),
+    "sigma:raw:speed": ("speed",),
+    "sigma:raw:angle_after": ("raw:angle_after_from_normal", "raw:angle_after_from_wall"),
+}
+
+
 def _inherit_units(layout: Layout) -> None:
     """Give the uncertainty of an angle the unit of the angle where its header has none."""
     _inherit_percent(layout)
     for key, column in list(layout.columns.items()):
-        of = {"sigma_gamma": "gamma"}.get(key, key.removeprefix("sigma:").removeprefix("sd:"))
-        partner = layout.columns.get(of)
-        if of != key and partner is not None and column.unit is None and column.dimension in _WITH_UNIT:
+        of = _PARTNERS.get(key, (key.removeprefix("sigma:").removeprefix("sd:"),))
+        partner = next((layout.columns[each] for each in of if each != key and layout.has(each)), None)
+        if partner is not None and column.unit is None and column.dimension in _WITH_UNIT:
             unit = partner.unit
             if unit is None and partner.dimension == "angle":
                 # Raises where the values do not tell; where they do, it can only be degrees.
@@ -201,6 +239,9 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
                     "changed sign."
                 )
             continue
+        if of == "spin":
+            _note_spin(layout, choice, there, unused)
+            continue
         if of == "pair":
             layout.notes.append(
                 f"{name}: read as collisions of two equal spheres, which are a wall in the relative frame: "
@@ -211,6 +252,17 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
         if not layout.has("observable") and not there & wanted:
             unused.append(f"{of}={choice}")
     layout.notes.extend(f"{name}: convention {what} found nothing to apply to." for what in unused)
+
+
+def _note_spin(layout: Layout, choice: str, there: set[str], unused: list[str]) -> None:
+    """Say how spins without an axis were read."""
+    if there & set(_SPINS):
+        layout.notes.append(
+            f"{layout.cells.name}: spins were read as positive for {choice}, the way a ball "
+            f"{'rolls on' if choice == 'topspin' else 'would roll back'} along its own motion."
+        )
+    else:
+        unused.append(f"spin={choice}")
 
 
 _REFERENCE = ("gamma", "tan_gamma", WALL_ANGLE)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from ifrfit.data.column_names import UNITS
-from ifrfit.data.conventions import CHOICES, suggest
+from ifrfit.data.conventions import CHOICES, SHORTHANDS, suggest
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,26 @@ MEANINGS: Mapping[str, Meaning] = {
             "velocities and spins change sign",
         },
     ),
+    "spin": Meaning(
+        "what a positive spin is in a column that names no axis, as spin_in_rpm and spin_out_rpm",
+        "spin=topspin",
+        "refused: both are in use; omega_y is right-handed about y",
+        {
+            "topspin": "the way a ball rolls on along its own motion",
+            "backspin": "the other way",
+        },
+    ),
     "pair": Meaning(
         "who hit whom in a table of velocities",
         "pair=equal-spheres",
         "a sphere and a wall",
         {"equal-spheres": "two equal spheres: relative velocities and the sum of both spins (docs/pairs.md)"},
+    ),
+    "sports": Meaning(
+        "tables of balls on courts: all angles from the surface, topspin positive; that is angle=from-wall and "
+        "spin=topspin, for columns such as v_in, angle_in_deg, spin_in_rpm, v_out, angle_out_deg, spin_out_rpm",
+        "sports",
+        "both are asked for, each by itself",
     ),
     "provenance": Meaning(
         "where rows come from that do not say it themselves",
@@ -177,7 +192,7 @@ WORDS: tuple[str, ...] = tuple(
     if ":" not in name
     for choice in choices
     if choice == choice.lower()
-)
+) + tuple(SHORTHANDS)
 
 
 def convention_lines(width: int) -> Iterator[str]:
