@@ -24,7 +24,9 @@ def _xlsx_cell(at: str, cell: object) -> str:
     return f'<c r="{at}" t="inlineStr"><is><t>{escape(str(cell))}</t></is></c>' if cell else ""
 
 
-def xlsx(sheets: Mapping[str, Rows]) -> bytes:
+def xlsx(sheets: Mapping[str, Rows], merged: Sequence[str] = ()) -> bytes:
+    ranges = "".join(f'<mergeCell ref="{each}"/>' for each in merged)
+    ranges = f'<mergeCells count="{len(merged)}">{ranges}</mergeCells>' if merged else ""
     main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     packages = "http://schemas.openxmlformats.org/package/2006"
@@ -52,7 +54,7 @@ def xlsx(sheets: Mapping[str, Rows]) -> bytes:
             for r, row in enumerate(rows, 1)
         )
         files[f"xl/worksheets/sheet{i}.xml"] = (
-            f'<worksheet xmlns="{main}"><sheetData>{body}</sheetData></worksheet>'
+            f'<worksheet xmlns="{main}"><sheetData>{body}</sheetData>{ranges}</worksheet>'
         )
     return _zipped(files)
 

@@ -10,6 +10,7 @@ import zipfile
 from typing import Any
 
 from ifrfit.data.cell_table import show
+from ifrfit.data.merged_headers import Spans
 from ifrfit.errors import DataError, UsageError
 
 MAGIC = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
@@ -26,8 +27,8 @@ def is_spreadsheet(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
-    """The rows of a sheet as lines with tabs between cells, all from its first row.
+def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> tuple[list[str], Spans]:
+    """The rows of a sheet as lines with tabs between cells, all from its first row; and which cells are merged.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
                 f"{file}: has the sheets {', '.join(map(show, filled))}. Say which, as --convention "
                 f"'sheet={next(iter(filled))}'."
             )
-        rows = next(iter(filled.values())).to_python(skip_empty_area=False) if filled else []
+        only = next(iter(filled.values()), None)
+        rows = only.to_python(skip_empty_area=False) if only is not None else []
     except (CalamineError, ValueError, OSError) as error:
         if isinstance(error, DataError | UsageError):
             raise
@@ -76,7 +78,15 @@ def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
         ) from None
     if not rows:
         raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
-    return _lines(rows)
+    return _lines(rows), _spans(only)
+
+
+def _spans(sheet: Any) -> Spans:
+    """Cells that are merged over several columns, as far as the format's reader tells: of .xlsx and .xls."""
+    found: Spans = {}
+    for (row, first), (_, last) in sheet.merged_cell_ranges or ():
+        found.setdefault(row, {})[first] = last
+    return found
 
 
 def _lines(rows: list[list[Any]]) -> list[str]:
