@@ -244,6 +244,18 @@ def role_of(text: str) -> Role:
     return Role("unknown", header.name, unit=header.unit)
 
 
+_NUMBERED = re.compile(r"^(?P<sigma>sigma_)?(?P<of>v|angle|theta|omega|spin)_?(?P<time>[12])(?=$|[_\s\[(])", re.I)
+
+
+def numbered_role(text: str) -> Role:
+    """Return what a header holds that calls before 1 and after 2, as ``v1`` and ``theta2_deg``."""
+    match = _NUMBERED.match(text.strip())
+    if match is None:
+        return Role("unknown", parse_header(text).name)
+    time = "in" if match["time"] == "1" else "out"
+    return role_of(f"{match['sigma'] or ''}{match['of']}_{time}{text.strip()[match.end() :]}")
+
+
 def named_role(name: str, header: str, given_unit: str | None) -> Role:
     """Return what a column holds that the user named, or whose unit the user stated.
 

@@ -14,6 +14,7 @@ from ifrfit.data.column_names import (
     Role,
     closest,
     named_role,
+    numbered_role,
     parse_header,
     role_of,
     uncertainty_of,
@@ -98,7 +99,8 @@ def _role(header: str, conventions: Conventions) -> Role:
         return Role("angle", name, dimension, conventions.angle_unit or unit or stated)
     if header in conventions.columns or unit is not None:
         return named_role(conventions.columns.get(header, header), header, unit)
-    return role_of(header)
+    role = role_of(header)
+    return numbered_role(header) if role.kind == "unknown" and "sports" in conventions.choices else role
 
 
 def _column(index: int, header: str, role: Role, layout: Layout) -> Column:
@@ -238,6 +240,8 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
                     f"{name}: z was read as pointing out of the wall; velocities and spins along y and z "
                     "changed sign."
                 )
+            continue
+        if of == "sports":
             continue
         if of == "spin":
             _note_spin(layout, choice, there, unused)

@@ -58,7 +58,9 @@ OPEN_QUESTIONS["spin"] = (
     "--convention spin=topspin or spin=backspin; or give its component along y as omega_y and omega_y_after"
 )
 # a word for several conventions that go together
-SHORTHANDS: dict[str, dict[str, str]] = {"sports": {"angle": "from-wall", "spin": "topspin"}}
+SHORTHANDS: dict[str, dict[str, str]] = {
+    "sports": {"angle": "from-wall", "spin": "topspin", "sports": "numbered"},
+}
 _WHY_PAIR = (
     " Two equal spheres are a wall in the relative frame; of other pairs radii, masses and inertia factors "
     "of both bodies enter, and ifrfit does not read them. For impacts on a wall leave the convention away."
@@ -75,7 +77,7 @@ class Conventions:
     angle_column, angle_from, angle_unit : str or None
         Which column is the incidence angle, from where it is measured, and in what.
     choices : mapping of str to str
-        Of ``beta``, ``e_t``, ``psi``, ``z``, ``spin`` and ``pair``.
+        Of ``beta``, ``e_t``, ``psi``, ``z``, ``spin`` and ``pair``; ``sports`` where v1 is before and v2 after.
     columns : mapping of str to str
         Header in the file to the name of the schema.
     units : mapping of str to str
@@ -165,7 +167,7 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         ``angle=from-wall``, ``angle=COLUMN:from-wall:rad``, ``beta=opposite-sign``, ``beta=centre``,
         ``e_t=centre``, ``psi=over-outgoing``, ``column:beta=HEADER``, ``unit:HEADER=mm/s``,
         ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, ``spin=topspin`` (spins without
-        an axis are positive the way a ball rolls on), ``sports`` for ``angle=from-wall`` and ``spin=topspin``, and
+        an axis are positive the way a ball rolls on), ``sports`` for both of ``angle=from-wall`` and ``spin=topspin``, and 1 before, 2 after, and
         ``z=out-of-wall``: z points out of the wall, in a frame that is right-handed all the same. Such a
         frame is turned half round about x, so y and z components of velocities and of right-handed spins
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
@@ -197,6 +199,8 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         kind, _, of = name.partition(":")
         if name == "angle":
             _update(angle, _angle(choice), name)
+        elif name in SHORTHANDS:
+            choices[name] = choice
         elif name in ("beta", "e_t", "psi", "z", "spin", "pair", "provenance"):
             _update(choices, {name: _choice(name, choice)}, name)
         elif kind == "column" and of:

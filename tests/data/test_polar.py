@@ -212,6 +212,11 @@ def test_a_printed_table_of_tennis_balls(read):
     assert (table["spin_y_after"] < 0).all()  # topspin
     written_out = read(TENNIS, "angle=from-wall", "spin=topspin")
     assert found.table.equals(written_out.table)
+    numbered = TENNIS.replace("v_in_m_s,angle_in_deg", "v1 [m/s],theta1_from_surface_deg")
+    numbered = numbered.replace("v_out_m_s,angle_out_deg,spin_out_rad_s", "v2 [m/s],theta_2 (deg),omega2_rad_s")
+    assert read(numbered, "sports").table.equals(found.table)
+    with refused(DataError, "columns have unknown names, v1 .m/s., "):  # 1 and 2 may number anything
+        read(numbered, "angle=from-wall", "spin=topspin")
     assert any("spins were read as positive for topspin" in note for note in found.notes)
 
 
