@@ -156,7 +156,9 @@ def _timed(name: str, unit: str | None) -> Iterator[Role]:
     place = place.removeprefix("the_")
     for number, time in enumerate(("before", "after")):
         for word in HEADERS["times"][time]:
-            rest = name.removesuffix(f"_{word}") if name.endswith(f"_{word}") else name.removeprefix(f"{word}_")
+            rest = (
+                name.removesuffix(f"_{word}") if name.endswith(f"_{word}") else name.removeprefix(f"{word}_")
+            )
             meant = HEADERS["timed"].get(rest) if rest != name else None
             if meant is None:
                 continue
@@ -244,7 +246,9 @@ def role_of(text: str) -> Role:
     return Role("unknown", header.name, unit=header.unit)
 
 
-_NUMBERED = re.compile(r"^(?P<sigma>sigma_)?(?P<of>v|angle|theta|omega|spin)_?(?P<time>[12])(?=$|[_\s\[(])", re.I)
+_NUMBERED = re.compile(
+    r"^(?P<sigma>sigma_)?(?P<of>v|angle|theta|omega|spin)_?(?P<time>[12])(?=$|[_\s\[(])", re.IGNORECASE
+)
 
 
 def numbered_role(text: str) -> Role:

@@ -21,8 +21,10 @@ from ifrfit.data.column_names import (
     units_of,
 )
 from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions, suggest
+from ifrfit.data.tracks.track_headers import looks_like_tracks
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import joined
 
 _WITH_UNIT = ("angle", "speed", "rate", "length")
 _IN_PERCENT = ("observable", "open", "sigma", "sd")  # kinds of columns that may be, where they are numbers
@@ -130,9 +132,10 @@ def _column(index: int, header: str, role: Role, layout: Layout) -> Column:
 
 
 def _spin(role: Role, layout: Layout, at: str) -> tuple[str, float]:
-    """Return the component that a spin without one is, and its sign: along y, z into the wall, x the way it goes.
+    """Return the component that a spin without one is, and its sign.
 
-    A ball that rolls on the way it goes turns against y in this frame: its topspin is -omega_y.
+    With z into the wall and x the way it goes, it is along y. A ball that rolls on the way it goes turns
+    against y in this frame: its topspin is -omega_y.
     """
     choice = layout.conventions.choices.get("spin")
     if choice is None and role.kind == "raw":
@@ -147,7 +150,8 @@ def _angle_after(header: str, role: Role, layout: Layout, at: str) -> str:
         return role.name
     if said is None:
         raise DataError(
-            f"{at}: could be measured from the wall or from its normal. Say which, for angles before and after "
+            f"{at}: could be measured from the wall or from its normal. Say which, for angles before and "
+            f"after "
             f"alike: {suggest('angle=from-wall')} or {suggest('angle=from-normal')}; or call this one "
             f"angle_out_from_wall_deg or angle_out_from_normal_deg."
         )
@@ -341,6 +345,12 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
     DataError
         Always.
     """
+    if looks_like_tracks(cells.headers):
+        raise DataError(
+            f"{cells.file}: looks like positions frame by frame, {joined(cells.headers[:4])}, not like "
+            f"impacts. Make "
+            f"these of it: 'ifrfit import {cells.file} --tracks --out impacts.csv'."
+        )
     if len(cells.headers) == 1:
         raise DataError(
             f"{cells.at(header=unknown[0])}: unknown name{_hint(unknown[0])}. Rename it; columns are "

@@ -104,8 +104,10 @@ MEANINGS: Mapping[str, Meaning] = {
         {"equal-spheres": "two equal spheres: relative velocities and the sum of both spins (docs/pairs.md)"},
     ),
     "sports": Meaning(
-        "tables of balls on courts: all angles from the surface, topspin positive, 1 before and 2 after; that is "
-        "angle=from-wall, spin=topspin and columns such as v1, theta1, v2, theta2, omega2 read as v_in, angle_in, "
+        "tables of balls on courts: all angles from the surface, topspin positive, 1 before and 2 after; "
+        "that is "
+        "angle=from-wall, spin=topspin and columns such as v1, theta1, v2, theta2, omega2 read as v_in, "
+        "angle_in, "
         "v_out, angle_out, spin_out",
         "sports",
         "both are asked for, each by itself",

@@ -77,7 +77,8 @@ class Conventions:
     angle_column, angle_from, angle_unit : str or None
         Which column is the incidence angle, from where it is measured, and in what.
     choices : mapping of str to str
-        Of ``beta``, ``e_t``, ``psi``, ``z``, ``spin`` and ``pair``; ``sports`` where v1 is before and v2 after.
+        Of ``beta``, ``e_t``, ``psi``, ``z``, ``spin`` and ``pair``; ``sports`` where v1 is before and v2
+        after.
     columns : mapping of str to str
         Header in the file to the name of the schema.
     units : mapping of str to str
@@ -166,10 +167,11 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     convention : sequence of str or mapping of str to str
         ``angle=from-wall``, ``angle=COLUMN:from-wall:rad``, ``beta=opposite-sign``, ``beta=centre``,
         ``e_t=centre``, ``psi=over-outgoing``, ``column:beta=HEADER``, ``unit:HEADER=mm/s``,
-        ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, ``spin=topspin`` (spins without
-        an axis are positive the way a ball rolls on), ``sports`` for both of ``angle=from-wall`` and ``spin=topspin``, and 1 before, 2 after, and
-        ``z=out-of-wall``: z points out of the wall, in a frame that is right-handed all the same. Such a
-        frame is turned half round about x, so y and z components of velocities and of right-handed spins
+        ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, ``spin=topspin``
+        (spins without an axis are positive the way a ball rolls on), ``sports`` for both of
+        ``angle=from-wall`` and ``spin=topspin``, with 1 before and 2 after, and ``z=out-of-wall``: z points
+        out of the wall, in a frame that is right-handed all the same. Such a frame is
+        turned half round about x, so y and z components of velocities and of right-handed spins
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
         relative to the other's and spins the sum of both spheres', which makes such a pair a wall
         (docs/pairs.md); no number changes. ``sheet=NAME`` of a spreadsheet. Of a digitised figure

@@ -1,4 +1,4 @@
-"""A header of two rows: titles that stand over several columns, as ``before | after``, and names below them."""
+"""A header of two rows: titles over several columns, as ``before | after``, and names below them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ifrfit.data.cell_table import NUMBER, show
 from ifrfit.data.column_names import UNITS, parse_header, role_of, uncertainty_of
 from ifrfit.errors import DataError
 
-# first and last column of each title that the file says to be merged over several, by row; None: it does not say
+# first and last column of each title that the file says to be merged over several, by row
 Spans = dict[int, dict[int, int]]
 _OF_ITSELF = ("value", "mean", "average")  # below a title: the quantity that the title names
 _UNCERTAIN = ("sigma", "sd")
@@ -23,8 +23,8 @@ def merge_headers(
 ) -> list[str] | None:
     """The headers that two rows say together, or None where the upper one is no row of titles.
 
-    A title holds for the columns that it is merged over; where the file does not say these, for its own and the
-    empty cells to its right. A title over an empty cell is a name.
+    A title holds for the columns that it is merged over; where the file does not say these, for its own and
+    the empty cells to its right. A title over an empty cell is a name.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def merge_headers(
     lower = [cell.strip() for cell in names] + [""] * (width - len(names))
     if any(NUMBER.fullmatch(cell) for cell in (*upper, *lower)) or not any(lower):
         return None
-    held = _held_by(upper, spans or {})
+    over_each = _title_of_each(upper, spans or {})
     headers, together = [], 0
     for column, (title, name) in enumerate(zip(upper, lower, strict=True)):
         if not name:
@@ -56,7 +56,7 @@ def merge_headers(
             headers.append(title)
             together += bool(title)
             continue
-        over, is_sure = held[column]
+        over, is_sure = over_each[column]
         joined = next(filter(is_header, _joined(over, name)), None) if over else None
         if joined is None and over and not is_header(name):
             joined = next((each for each in _joined(over, name) if uncertainty_of(each)), None)
@@ -69,17 +69,17 @@ def merge_headers(
     return headers if together else None
 
 
-def _held_by(upper: Sequence[str], spans: dict[int, int]) -> list[tuple[str, bool]]:
+def _title_of_each(upper: Sequence[str], spans: dict[int, int]) -> list[tuple[str, bool]]:
     """The title of each column, and whether the file says so."""
-    held: list[tuple[str, bool]] = []
+    over_each: list[tuple[str, bool]] = []
     over, last = "", None
     for column, title in enumerate(upper):
         if title:
             over, last = title, spans.get(column, column if spans else None)
         if last is not None and column > last:
             over, last = "", None
-        held.append((over, bool(title) or last is not None))
-    return held
+        over_each.append((over, bool(title) or last is not None))
+    return over_each
 
 
 def _joined(title: str, name: str) -> Iterator[str]:
@@ -106,5 +106,6 @@ def _refuse_ambiguous(
     if is_header(name) and names.count(name) == 1 and role_of(name) != role_of(joined):
         raise DataError(
             f"{at}: {show(title)} may end before the column {show(name)} or hold for it, too, which makes it "
-            f"{show(joined)}. Write the title over every column that it is about, or that name into the header."
+            f"{show(joined)}. Write the title over every column that it is about, or that name into the "
+            f"header."
         )

@@ -242,7 +242,9 @@ def _check_momentum(
 
 
 def _angle_header(layout: Layout) -> str:
-    return layout.header("gamma", layout.header("tan_gamma", layout.header("raw:u_x", layout.header("raw:u_n"))))
+    return layout.header(
+        "gamma", layout.header("tan_gamma", layout.header("raw:u_x", layout.header("raw:u_n")))
+    )
 
 
 def _headers(layout: Layout) -> dict[str, str]:
@@ -280,7 +282,8 @@ def _check_columns(layout: Layout) -> None:
     for when, names in (("before", ("u_z", "u_n")), ("after", ("v_z", "v_n"))):
         if all(layout.has(f"raw:{name}") for name in names):
             raise DataError(
-                f"{cells.file}: the normal velocity {when} is given twice, as {' and '.join(names)}. Remove one."
+                f"{cells.file}: the normal velocity {when} is given twice, as {' and '.join(names)}. "
+                f"Remove one."
             )
     normal = "u_z" if layout.has("raw:u_z") else "u_n"
     if _has_components(layout) and not layout.has("raw:u_x"):
@@ -301,7 +304,9 @@ def _check_polar(layout: Layout) -> None:
     angles = [key for key in ANGLES_AFTER if layout.has(key)]
     components = [key for key in ("raw:v_x", "raw:v_y", "raw:v_z", "raw:v_n") if layout.has(key)]
     if len(angles) > 1:
-        raise DataError(f"{cells.file}: the angle after is given twice, from the wall and from its normal. Remove one.")
+        raise DataError(
+            f"{cells.file}: the angle after is given twice, from the wall and from its normal. Remove one."
+        )
     for there, missing, name in (
         (layout.has("raw:speed_after"), not angles, "angle after, such as angle_out_from_normal_deg"),
         (bool(angles), not layout.has("raw:speed_after"), "speed after, such as v_out_m_s"),
@@ -309,7 +314,8 @@ def _check_polar(layout: Layout) -> None:
         if there and missing:
             given = layout.header("raw:speed_after" if not angles else angles[0])
             raise DataError(
-                f"{cells.at(header=given)}: has no {name}, and neither says a velocity without the other. Add it; "
+                f"{cells.at(header=given)}: has no {name}, and neither says a velocity without the other. "
+                f"Add it; "
                 "a rebound angle alone is the column delta_deg."
             )
     if angles and components:
@@ -323,7 +329,8 @@ def _check_polar(layout: Layout) -> None:
         require(layout, "raw:u_x", x, x >= 0, rule, "Turn x round, or give omega_y.")
         if layout.has("raw:u_y"):
             raise DataError(
-                f"{cells.at(header=layout.header('raw:u_y'))}: with a motion across x a spin without an axis is no "
+                f"{cells.at(header=layout.header('raw:u_y'))}: with a motion across x a spin without an "
+                f"axis is no "
                 "component. Give omega_x and omega_y."
             )
 
@@ -411,7 +418,10 @@ def _of_polar(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Arra
     )
     angle = 90.0 - angle if from_wall else angle
     sine, cosine = sincos(angle, degrees=True)
-    of_speed, of_angle = layout.numbers("sigma:raw:speed_after"), np.radians(layout.numbers("sigma:raw:angle_after"))
+    of_speed, of_angle = (
+        layout.numbers("sigma:raw:speed_after"),
+        np.radians(layout.numbers("sigma:raw:angle_after")),
+    )
     known = ~(np.isnan(of_speed) & np.isnan(of_angle))
     of_speed, of_angle = zero_where_missing(of_speed), zero_where_missing(of_angle) * speed
     header = layout.header("raw:speed_after")
@@ -421,7 +431,8 @@ def _of_polar(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Arra
         result[name] = (*incoming.per_speed(along * speed, sigma), header)
     if known.any():
         layout.notes.append(
-            f"{layout.cells.name}: v_x and v_n are of one speed and one angle after, and their errors correlated; "
+            f"{layout.cells.name}: v_x and v_n are of one speed and one angle after, and their errors "
+            f"correlated; "
             "each has its own in full, the correlation is not kept."
         )
     return result

@@ -28,7 +28,7 @@ def is_spreadsheet(head: bytes) -> bool:
 
 
 def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> tuple[list[str], Spans]:
-    """The rows of a sheet as lines with tabs between cells, all from its first row; and which cells are merged.
+    """The rows of a sheet as lines with tabs between cells, from its first row; and which cells are merged.
 
     Parameters
     ----------

@@ -257,7 +257,8 @@ def _check_uncertainties(layout: Layout, names: list[str]) -> None:
             of = key.removeprefix(f"{kind}:")
             if of == "raw:speed":
                 raise DataError(
-                    f"{layout.cells.at(header=column.header)}: the uncertainty of a speed counts beside velocities "
+                    f"{layout.cells.at(header=column.header)}: the uncertainty of a speed counts beside "
+                    f"velocities "
                     f"alone; in a table of observables leave it out: {suggest(f'ignore={column.header}')}."
                 )
             if of != key and of not in names:

@@ -165,7 +165,7 @@ def _parse(
 def _merged(
     lines: list[str], start: int, delimiter: str, is_header: Callable[[str], bool], spans: Spans, file: str
 ) -> tuple[int, list[str] | None]:
-    """Where the header ends, and what it says together with a row of titles above it, or of names below it."""
+    """Where the header ends, and what it says together with a row of titles above or of names below."""
     if delimiter == BLANKS:
         return start, None
     there = [i for i in range(max(start - 2, 0), min(start + 3, len(lines))) if lines[i].strip(_BLANK)]
@@ -289,12 +289,20 @@ def _find_header(
 
 
 def _names_below_titles(
-    lines: list[str], filled: list[int], is_header: Callable[[str], bool], file: str, delimiters: Sequence[str]
+    lines: list[str],
+    filled: list[int],
+    is_header: Callable[[str], bool],
+    file: str,
+    delimiters: Sequence[str],
 ) -> tuple[int, int, int, str] | None:
     """The header of names that mean something together with the titles above them alone."""
     for above, below in itertools.pairwise(filled):
         for delimiter in delimiters:
-            if delimiter == BLANKS or len(lines[above]) > _LONGEST_HEADER or len(lines[below]) > _LONGEST_HEADER:
+            if (
+                delimiter == BLANKS
+                or len(lines[above]) > _LONGEST_HEADER
+                or len(lines[below]) > _LONGEST_HEADER
+            ):
                 continue
             cells = _cells(lines[below], delimiter)
             at = f"{file}, line {above + 1}"

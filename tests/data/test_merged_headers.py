@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from refusals import refused
 from sheet_files import ods, xlsx
@@ -66,7 +65,8 @@ def test_units_in_the_titles(read, expected):
 
 
 @pytest.mark.parametrize(
-    "titles", ["u [m/s],,v [m/s],", "velocity before [m/s],,velocity after [m/s],", "v before (m/s),,v after (m/s),"]
+    "titles",
+    ["u [m/s],,v [m/s],", "velocity before [m/s],,velocity after [m/s],", "v before (m/s),,v after (m/s),"],
 )
 def test_components_below_a_velocity(read, titles):
     found = read(f"{titles}\nx,z,x,z\n3,4,2,-3\n")
@@ -76,9 +76,16 @@ def test_components_below_a_velocity(read, titles):
 
 
 def test_value_and_sigma_below_an_observable(read):
-    found = read("gamma_deg,beta,,e_n,\n,value,sigma,value,sigma\n10,0.4,0.02,0.9,0.01\n40,0.1,0.03,0.91,0.02\n")
+    found = read(
+        "gamma_deg,beta,,e_n,\n,value,sigma,value,sigma\n10,0.4,0.02,0.9,0.01\n40,0.1,0.03,0.91,0.02\n"
+    )
     table = found.table.set_index(["observable", "gamma_deg"])
-    expected = {("beta", 10): (0.4, 0.02), ("beta", 40): (0.1, 0.03), ("e_n", 10): (0.9, 0.01), ("e_n", 40): (0.91, 0.02)}
+    expected = {
+        ("beta", 10): (0.4, 0.02),
+        ("beta", 40): (0.1, 0.03),
+        ("e_n", 10): (0.9, 0.01),
+        ("e_n", 40): (0.91, 0.02),
+    }
     assert {key: (row.value, row.sigma) for key, row in table.iterrows()} == expected
     with refused(DataError, "looks like an uncertainty: one standard uncertainty is a column sigma_beta"):
         read("gamma_deg,beta,\n,value,error\n10,0.4,0.02\n")
@@ -90,7 +97,7 @@ def test_where_a_merged_title_ends_is_what_the_sheet_says(read):
         ["v_x_m_s", "v_z_m_s", "v_x_m_s", "v_z_m_s", "omega_y_rad_s", "radius_m"],
         [3, 4, 2, -3, 50, 0.02],
     ]
-    says = "line 1: 'after' may end before the column 'omega_y_rad_s' or hold for it, too, which makes it 'omega_y after"
+    says = "line 1: 'after' may end before the column 'omega_y_rad_s' or hold for it, too, which makes"
     for table in (text(rows), ods({"a": rows}), xlsx({"a": rows})):
         with refused(DataError, says):
             read(table)

@@ -68,7 +68,8 @@ UNITS = [
 
 @pytest.mark.parametrize(("speed", "by_speed", "angle", "by_angle", "rate", "by_rate"), UNITS)
 def test_polar_columns_are_the_same_impact(read, speed, by_speed, angle, by_angle, rate, by_rate):
-    header = f"v_in_{speed},angle_in_{angle},spin_in_{rate},v_out_{speed},angle_out_{angle},spin_out_{rate},radius_cm"
+    header = f"v_in_{speed},angle_in_{angle},spin_in_{rate},"
+    header += f"v_out_{speed},angle_out_{angle},spin_out_{rate},radius_cm"
     row = (SPEED * by_speed, GAMMA * by_angle, TOPSPIN * by_rate)
     row += (AFTER * by_speed, DELTA * by_angle, TOPSPIN_AFTER * by_rate, 100.0 * RADIUS)
     text = f"{header}\n{','.join(map(repr, map(float, row)))}\n"
@@ -96,12 +97,14 @@ def test_along_the_wall_and_its_normal(read):
         "spin=topspin",
     )
     u = np.hypot(5.366, 3.65)
-    assert values(found) == pytest.approx({"v_x": 2.898 / u, "v_n": 2.57 / u, "spin_y_after": -0.05 * 48.4 / u})
+    assert values(found) == pytest.approx(
+        {"v_x": 2.898 / u, "v_n": 2.57 / u, "spin_y_after": -0.05 * 48.4 / u}
+    )
     assert found.table.gamma_deg[0] == pytest.approx(np.degrees(np.arctan2(3.65, 5.366)))
 
 
 def test_errors_are_propagated(read):
-    """Against 400,000 draws of the impact: standard errors of a standard deviation are 0.11 %, the bound is 0.6 %."""
+    """Against 400,000 draws of the impact: a standard deviation is known to 0.11 %, the bound is 0.6 %."""
     rng = np.random.default_rng(3)
     sd = {"v_in": 0.04, "angle_in": 0.3, "v_out": 0.05, "angle_out": 0.6, "spin_out": 4.0}
     mean = {"v_in": SPEED, "angle_in": GAMMA, "v_out": AFTER, "angle_out": 25.0, "spin_out": TOPSPIN_AFTER}
@@ -141,8 +144,16 @@ def test_the_uncertainty_takes_the_unit_of_its_value(read):
     ("text", "convention", "says"),
     [
         ("v_in_m_s,gamma_deg,v_out_m_s\n5,37,4\n", (), "column v_out_m_s: has no angle after"),
-        ("v_in_m_s,gamma_deg,angle_out_from_normal_deg\n5,37,4\n", (), "column angle_out_from_normal_deg: has no speed"),
-        ("v_in_m_s,gamma_deg,v_out_m_s,angle_out_deg\n5,37,4,9\n", (), "column angle_out_deg: could be measured from"),
+        (
+            "v_in_m_s,gamma_deg,angle_out_from_normal_deg\n5,37,4\n",
+            (),
+            "column angle_out_from_normal_deg: has no speed",
+        ),
+        (
+            "v_in_m_s,gamma_deg,v_out_m_s,angle_out_deg\n5,37,4,9\n",
+            (),
+            "column angle_out_deg: could be measured from",
+        ),
         (
             "v_in_m_s,gamma_deg,v_out_m_s,angle_out_from_wall_deg,v_z_m_s\n5,37,4,9,-3\n",
             (),
@@ -151,15 +162,24 @@ def test_the_uncertainty_takes_the_unit_of_its_value(read):
         (
             "v_in_m_s,gamma_deg,v_out_m_s,angle_out_from_normal_deg\n5,37,4,95\n",
             (),
-            "line 2, column angle_out_from_normal_deg: 95 degrees, but a ball that leaves has -90 to 90 degrees",
+            "line 2, column angle_out_from_normal_deg: 95 degrees, but a ball that leaves has -90 to 90 "
+            "degrees",
         ),
         (
             "v_in_m_s,gamma_deg,v_out_m_s,angle_out_from_wall_deg\n5,37,-4,95\n",
             (),
             "line 2, column v_out_m_s: -4, but a speed is positive",
         ),
-        ("v_in_m_s,gamma_deg,spin_out_rpm,radius_m\n5,37,4,1\n", (), "column spin_out_rpm: is positive for topspin"),
-        ("u_x_m_s,u_n_m_s,u_z_m_s,v_n_m_s\n1,1,1,1\n", (), "the normal velocity before is given twice, as u_z and u_n"),
+        (
+            "v_in_m_s,gamma_deg,spin_out_rpm,radius_m\n5,37,4,1\n",
+            (),
+            "column spin_out_rpm: is positive for topspin",
+        ),
+        (
+            "u_x_m_s,u_n_m_s,u_z_m_s,v_n_m_s\n1,1,1,1\n",
+            (),
+            "the normal velocity before is given twice, as u_z and u_n",
+        ),
         ("u_x_m_s,u_n_m_s,v_n_m_s\n1,-1,1\n", (), "line 2, column u_n_m_s: -1, but u_n is the magnitude"),
         (
             "u_x_m_s,u_z_m_s,spin_out_rpm,radius_m\n-1,1,4,1\n",
@@ -171,7 +191,11 @@ def test_the_uncertainty_takes_the_unit_of_its_value(read):
             ("spin=topspin",),
             "column u_y_m_s: with a motion across x a spin without an axis is no component",
         ),
-        ("gamma_deg,beta,sigma_speed_m_s\n10,0.4,0.1\n", (), "column sigma_speed_m_s: the uncertainty of a speed"),
+        (
+            "gamma_deg,beta,sigma_speed_m_s\n10,0.4,0.1\n",
+            (),
+            "column sigma_speed_m_s: the uncertainty of a speed",
+        ),
     ],
 )
 def test_what_is_open_or_impossible_is_refused(read, text, convention, says):
@@ -202,7 +226,9 @@ def test_a_printed_table_of_tennis_balls(read):
     table = table.loc[[f"line {i}" for i in range(2, 8)]]
     speed = np.array([3.72, 3.80, 3.53, 3.70, 3.35, 3.60])
     gamma = np.radians(90.0 - np.array([20, 45] * 3))
-    np.testing.assert_allclose(found.table.groupby("impact_id").gamma_deg.first()[table.index], np.degrees(gamma))
+    np.testing.assert_allclose(
+        found.table.groupby("impact_id").gamma_deg.first()[table.index], np.degrees(gamma)
+    )
     v_x, v_n = speed * table["v_x"], speed * table["v_n"]
     # v2 to 0.005 m/s and its angle to 0.05 degrees, then vx2 to 0.005 m/s itself
     np.testing.assert_allclose(v_x, PRINTED["vx2"], rtol=0, atol=0.005 + 0.005 + 3.1 * np.radians(0.05))
@@ -213,7 +239,9 @@ def test_a_printed_table_of_tennis_balls(read):
     written_out = read(TENNIS, "angle=from-wall", "spin=topspin")
     assert found.table.equals(written_out.table)
     numbered = TENNIS.replace("v_in_m_s,angle_in_deg", "v1 [m/s],theta1_from_surface_deg")
-    numbered = numbered.replace("v_out_m_s,angle_out_deg,spin_out_rad_s", "v2 [m/s],theta_2 (deg),omega2_rad_s")
+    numbered = numbered.replace(
+        "v_out_m_s,angle_out_deg,spin_out_rad_s", "v2 [m/s],theta_2 (deg),omega2_rad_s"
+    )
     assert read(numbered, "sports").table.equals(found.table)
     with refused(DataError, "columns have unknown names, v1 .m/s., "):  # 1 and 2 may number anything
         read(numbered, "angle=from-wall", "spin=topspin")
