@@ -37,6 +37,9 @@ def check(
     pixels: Annotated[
         float | None, typer.Option(metavar="N", help="Of a figure: standard error of a click.")
     ] = None,
+    bars: Annotated[
+        str | None, typer.Option(metavar="sigma|2sigma|95%", help="Of a figure: what half an error bar is.")
+    ] = None,
     sheet: Annotated[str | None, typer.Option(metavar="NAME", help="Of a spreadsheet: which sheet.")] = None,
     tracks: IsTracks = False,
     fps: Fps = None,
@@ -57,7 +60,7 @@ def check(
     """What a file holds, how its columns are understood, what can be fitted from it, and what is missing."""
     from ifrfit.data.examination import examine
 
-    of_figure = {"x": x, "y": y, "axes": axes, "dataset": dataset, "pixels": pixels}
+    of_figure = {"x": x, "y": y, "axes": axes, "dataset": dataset, "pixels": pixels, "bars": bars}
     of_tracks = given_of_tracks(
         tracks,
         fps=fps,

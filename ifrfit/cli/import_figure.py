@@ -59,6 +59,12 @@ def import_figure(
         float | None,
         typer.Option(metavar="N", help="Standard error of a click in each direction, by default 1."),
     ] = None,
+    bars: Annotated[
+        str | None,
+        typer.Option(
+            metavar="sigma|2sigma|95%", help="What half an error bar is; by default bars are left out."
+        ),
+    ] = None,
     convention: Annotated[
         Repeated,
         typer.Option(
@@ -85,7 +91,15 @@ def import_figure(
     """
     from ifrfit.data.table_text import table_text, write_text
 
-    of_figure = {"x": x, "y": y, "axes": axes, "dataset": dataset, "series": series, "pixels": pixels}
+    of_figure = {
+        "x": x,
+        "y": y,
+        "axes": axes,
+        "dataset": dataset,
+        "series": series,
+        "pixels": pixels,
+        "bars": bars,
+    }
     of_tracks = given_of_tracks(
         tracks,
         fps=fps,

@@ -137,6 +137,13 @@ _FILES = (
     Option("Of a figure with several axes, which.", "text", "NAME", "axes", unset="those with points"),
     Option("Of a digitised figure, which dataset.", "names", "NAME", "dataset", unset="all"),
     Option("Of a digitised figure, the standard error of a click.", "number", "N", "pixels", unset="1"),
+    Option(
+        "Of a digitised figure, what half an error bar is.",
+        "text",
+        "sigma|2sigma|95%",
+        "bars",
+        unset="left out",
+    ),
     Option("Of a spreadsheet, which sheet.", "text", "NAME", "sheet", unset="the only one"),
 )
 _SCENE = Option(

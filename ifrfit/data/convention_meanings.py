@@ -186,6 +186,17 @@ MEANINGS: Mapping[str, Meaning] = {
         "1",
         {"NUMBER": "of the picture that was clicked in"},
     ),
+    "bars": Meaning(
+        "of a digitised figure, what half an error bar is, where ends of bars were read off",
+        "bars=2sigma",
+        "bars are left out, with a note",
+        {
+            "sigma": "one standard error",
+            "2sigma": "two standard errors",
+            "95%": "half of an interval that holds the value with this probability, of normal errors",
+            "NUMBER": "so many standard errors",
+        },
+    ),
 }
 
 # conventions with a choice that is a word, for shells that complete what is typed

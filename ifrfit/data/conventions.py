@@ -34,6 +34,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "dataset": ("NAME",),
     "series": ("NAME",),
     "pixels": ("NUMBER",),
+    "bars": ("sigma", "2sigma", "95%", "NUMBER"),
 }
 _MEANING = {
     ("beta", "contact"): ("beta", 1.0),
@@ -175,7 +176,8 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
         relative to the other's and spins the sum of both spheres', which makes such a pair a wall
         (docs/pairs.md); no number changes. ``sheet=NAME`` of a spreadsheet. Of a digitised figure
-        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME`` and ``pixels=1``; see
+        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME``, ``pixels=1`` and
+        ``bars=sigma``; see
         `ifrfit.read_figure`.
 
     Raises
@@ -234,13 +236,19 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
 
 def _figure(given: Mapping[str, list[str]]) -> FigureQuestion | None:
     once: dict[str, str | None] = {}
-    for key in ("x", "y", "axes", "pixels"):
+    for key in ("x", "y", "axes", "pixels", "bars"):
         texts = given.get(key, [])
         if len(set(texts)) > 1:
             raise UsageError(f"--convention {key}: both '{texts[0]}' and '{texts[1]}' are given. Keep one.")
         once[key] = texts[0] if texts else None
     return figure_question(
-        once["x"], once["y"], once["axes"], given.get("dataset", ()), given.get("series", ()), once["pixels"]
+        once["x"],
+        once["y"],
+        once["axes"],
+        given.get("dataset", ()),
+        given.get("series", ()),
+        once["pixels"],
+        once["bars"],
     )
 
 
