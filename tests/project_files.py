@@ -129,8 +129,8 @@ def _style(name: str, connect: str) -> str:
     """What Engauge keeps of how a curve is found and drawn."""
     return f"""
             <ColorFilter CurveName="{name}" Mode="2" ModeString="Intensity" IntensityLow="0"
-                IntensityHigh="50" ForegroundLow="0" ForegroundHigh="10" HueLow="180" HueHigh="360" SaturationLow="50"
-                SaturationHigh="100" ValueLow="0" ValueHigh="50"/>
+                IntensityHigh="50" ForegroundLow="0" ForegroundHigh="10" HueLow="180" HueHigh="360"
+                SaturationLow="50" SaturationHigh="100" ValueLow="0" ValueHigh="50"/>
             <CurveStyle CurveName="{name}">
                 <LineStyle Width="1" Color="1" ColorString="Blue" ConnectAs="0" ConnectAsString="{connect}"/>
                 <PointStyle Radius="10" LineWidth="1" Color="1" ColorString="Blue" Shape="1"

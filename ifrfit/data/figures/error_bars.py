@@ -75,7 +75,7 @@ class BarErrors:
 
 def curves_of_ends(sets: Sequence[PointSet]) -> dict[str, str]:
     """Point sets that are called as another with the end of a bar behind, and that other."""
-    names = {each.name for each in sets if each.name}
+    names = [each.name for each in sets if each.name]
     matches = {name: _ENDS.match(name) for name in names}
     return {name: match["of"] for name, match in matches.items() if match and match["of"] in names}
 
