@@ -64,7 +64,8 @@ def engauge(count: int) -> str:
         '<?xml version="1.0" encoding="UTF-8"?><!DOCTYPE engauge><Document VersionNumber="12.1"><CoordSystem>'
         '<Coords TypeString="Cartesian" ScaleXThetaString="Linear" ScaleYRadiusString="Linear"/>'
         f'<Curve CurveName="Axes"><CurvePoints>{axes}</CurvePoints></Curve><CurvesGraphs>'
-        f'<Curve CurveName="glass"><CurvePoints>{read}</CurvePoints></Curve></CurvesGraphs></CoordSystem></Document>'
+        f'<Curve CurveName="glass"><CurvePoints>{read}</CurvePoints></Curve>'
+        "</CurvesGraphs></CoordSystem></Document>"
     )
 
 

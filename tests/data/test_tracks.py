@@ -376,3 +376,29 @@ def test_slow_marks_are_unwrapped_and_gaps_in_them_do_no_harm(read):
     rows[11] = rows[11].rpartition(",")[0] + ","
     found = read("\n".join([head, *rows]) + "\n", radius=RADIUS, pixel="0.1mm")
     assert values(found)["spin_y_after"] == pytest.approx(RADIUS * 300.0 / SPEED, rel=1e-3)
+
+
+def test_whatever_is_damaged_is_read_or_refused_in_a_sentence(read):
+    """Cut anywhere, with cells of another kind, or with lines in another order."""
+    whole = table([BOUNCE, replace(BOUNCE, at=0.03)], noise=1e-4, rng=np.random.default_rng(7))
+    rng = np.random.default_rng(8)
+    head, *rows = whole.splitlines()
+    texts = [whole[:cut] for cut in range(0, len(whole), 41)]
+    for _ in range(40):
+        cells = [row.split(",") for row in rows]
+        cells[rng.integers(len(cells))][rng.integers(5)] = str(
+            rng.choice(["", "x", "nan", "inf", "1e300", "-1", "0", "1e-300"])
+        )
+        texts.append("\n".join([head, *(",".join(row) for row in cells)]) + "\n")
+    for _ in range(10):
+        texts.append("\n".join([head, *rng.permutation(rows).tolist()]) + "\n")
+    outcomes = set()
+    for text in texts:
+        said = ""
+        try:
+            assert np.isfinite(read(text, radius=RADIUS, pixel="0.1mm").table["value"]).all()
+        except (DataError, UsageError) as error:
+            said = str(error)
+        assert "\n" not in said
+        outcomes.add(bool(said))
+    assert outcomes == {True, False}

@@ -26,6 +26,8 @@ _UNITS: dict[str, dict[str, float]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "\u00b0": math.pi / 180.0, "degrees": math.pi / 180.0},
     "length": _LENGTHS,
 }
+_FARTHEST = 1e6  # m
+_LATEST = 1e12  # s; clocks count from 1970
 _QUANTITY = re.compile(r"(?P<number>[0-9.]+(?:[eE][+-]?\d+)?)\s*(?P<unit>[a-z\u00b5\u03bc]*)")
 
 
@@ -97,6 +99,9 @@ def read_track_table(
     if "sigma:angle" in columns:
         sigmas["angle"] = _numbers(cells, columns, "sigma:angle", "angle")
     _refuse_sigmas(cells, columns, sigmas)
+    _refuse_beyond(cells, columns["time" if "time" in columns else "frame"], time, _LATEST)
+    for axis, values in positions.items():
+        _refuse_beyond(cells, columns[axis], values, _FARTHEST)
     names = cells.texts(columns["run"].index) if "run" in columns else [""] * len(cells)
     series = cells.texts(columns["series"].index) if "series" in columns else [""] * len(cells)
     seen = ~np.isnan(np.column_stack([time, *positions.values()])).any(axis=1)
@@ -226,6 +231,15 @@ def _lengths(cells: Cells, columns: Mapping[str, _Column], key: str, pixel: floa
             "plane of the motion, as --pixel 0.1mm."
         )
     return cells.numbers(column.index) * pixel
+
+
+def _refuse_beyond(cells: Cells, column: _Column, values: FloatArray, most: float) -> None:
+    """Refuse what no camera sees before it is squared."""
+    cells.refuse_first(
+        np.abs(values) > most,
+        column.header,
+        lambda row: f"{values[row]:g} in SI units is beyond what a camera sees. Correct it.",
+    )
 
 
 def _refuse_sigmas(cells: Cells, columns: Mapping[str, _Column], sigmas: Mapping[str, FloatArray]) -> None:
