@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 _DIGITISED = "digitised"
 _FEWEST = 5  # points of a reading: fewer agree by chance
-_CLOSE = 0.015  # of the range of angles and of values: several pixels of any figure
-_SHARE = 0.9  # of the points of the smaller reading that the other has, too
+_CLOSE = 0.008  # of the range of angles and of values: some pixels of any figure
+_SHARE = 0.8  # of the points of the smaller reading that the other has, too
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class RepeatReading:
 def repeat_readings(table: pd.DataFrame) -> Iterator[RepeatReading]:
     """The readings whose points are those of an earlier one.
 
-    Points are the same where angle and value agree within 1.5 % of their ranges, one for one. Series of one
+    Points are the same where angle and value agree within 0.8 % of their ranges, one for one. Series of one
     file and of several are compared, as far as their provenance is digitised and they are of one observable.
 
     Parameters

@@ -59,13 +59,29 @@ def test_a_reading_of_a_part_is_one_too(tmp_path):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_control_another_experiment_of_the_same_constants_is_its_own(tmp_path, seed):
-    """The same law and the same angles, but other impacts, which scatter by 0.03."""
+    """The same law and the same angles, but other impacts, which scatter by 0.02."""
     rng = np.random.default_rng(seed)
     made = [
-        figure(written(tmp_path / f"{i}.json", ("a", clicked(i, beta=BETA + 0.03 * rng.standard_normal(15)))))
+        figure(written(tmp_path / f"{i}.json", ("a", clicked(i, beta=BETA + 0.02 * rng.standard_normal(15)))))
         for i in (1, 2)
     ]
     assert len(select(combine(made), Selection()).table) == 30
+
+
+def test_two_published_readings_of_one_experiment(tmp_path):
+    """Kharaz, Gorham & Salman (2001) as two teams read it; one of 8 points the other does not have."""
+    kratos = "2.2376,0.79654\n4.2178,0.74629\n9.8416,0.67545\n20.2178,0.59885\n30.3564,0.69028\n39.5446,0.7743\n"
+    kratos += "49.604,0.84761\n71.0693,0.93657\n79.2277,0.96952\n85.1683,0.97941\n"
+    mfix = "2.0275,0.7938\n3.9282,0.745\n9.6304,0.6728\n20.0845,0.5964\n30.2218,0.6883\n39.3031,0.7719\n"
+    mfix += "49.5459,0.8469\n59.8416,0.9019\n"
+    made = []
+    for name, text in (("kratos", kratos), ("mfix", mfix)):
+        (tmp_path / f"{name}.csv").write_text(text)
+        given = {"x": "gamma_deg", "y": "e_t", "convention": "e_t=centre"}
+        made.append(read_figure(tmp_path / f"{name}.csv", **given))
+    chosen = select(combine(made), Selection())
+    assert set(chosen.table.source) == {"kratos.csv"}
+    assert any("(7 of 8 agree in angle and value)" in note for note in chosen.notes)
 
 
 def test_measured_tables_are_not_compared(tmp_path):
