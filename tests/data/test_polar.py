@@ -8,6 +8,9 @@ from refusals import refused
 
 import ifrfit.data as data
 from ifrfit.data.column_names import role_of
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.stream.files import NotStreamableError
+from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import DataError, UsageError
 
 SPEED, GAMMA, AFTER, DELTA = 5.0, 37.0, 4.0, -12.0  # m/s and degrees from the normal
@@ -257,3 +260,10 @@ def test_the_shorthand_takes_no_choice_and_contradicts_nothing(read, tmp_path):
         read(TENNIS, "spin=sidespin")
     unused = data.read({"gamma_deg": [10.0], "beta": [0.4]}, convention="spin=topspin")
     assert any("convention spin=topspin found nothing to apply to" in note for note in unused.notes)
+
+
+def test_a_stream_passes_nothing_over(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("gamma_deg,beta,sigma_beta,speed_m_s,sigma_speed_m_s\n" + "10,0.4,0.1,2,0.1\n" * 9)
+    with refused(NotStreamableError, "sigma_speed_m_s needs the reader that holds the table in memory"):
+        ImpactStream.of(path, parse_conventions(()), data.Selection(), 0.4)
