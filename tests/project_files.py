@@ -123,3 +123,60 @@ def engauge(*systems: str, root="Document", doctype="<!DOCTYPE engauge>") -> byt
     document = f'<Document VersionNumber="12.1" AxesPointsRequired="0">{image}{inside}</Document>'
     body = document if root == "Document" else f"<{root}>{document}</{root}>"
     return f'<?xml version="1.0" encoding="UTF-8"?>{doctype}{body}'.encode()
+
+
+def _style(name: str, connect: str) -> str:
+    """What Engauge keeps of how a curve is found and drawn."""
+    return f"""
+            <ColorFilter CurveName="{name}" Mode="2" ModeString="Intensity" IntensityLow="0"
+                IntensityHigh="50" ForegroundLow="0" ForegroundHigh="10" HueLow="180" HueHigh="360"
+                SaturationLow="50" SaturationHigh="100" ValueLow="0" ValueHigh="50"/>
+            <CurveStyle CurveName="{name}">
+                <LineStyle Width="1" Color="1" ColorString="Blue" ConnectAs="0" ConnectAsString="{connect}"/>
+                <PointStyle Radius="10" LineWidth="1" Color="1" ColorString="Blue" Shape="1"
+                    ShapeString="Cross"/>
+            </CurveStyle>"""
+
+
+def engauge_whole(curves=None) -> bytes:
+    """A document with all that version 12 writes: settings of export, grid, segments, colours and styles."""
+    curves = {"glass": POINTS} if curves is None else curves
+    drawn = "".join(
+        curve(name, points).replace("<ColorFilter/>", _style(name, "FunctionSmooth"))
+        for name, points in curves.items()
+    )
+    image = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<!DOCTYPE engauge>
+<Document VersionNumber="12.1" AxesPointsRequired="0">
+    <Image Width="800" Height="600"><![CDATA[{image}]]></Image>
+    <CoordSystem>
+        <General CursorSize="3" ExtraPrecision="1"/>
+        <Coords Type="0" TypeString="Cartesian" Coords="0" ScaleXTheta="0" ScaleXThetaString="Linear"
+            ScaleYRadius="0" ScaleYRadiusString="Linear" UnitsX="0" UnitsXString="Number" UnitsY="0"
+            UnitsYString="Number" UnitsTheta="0" UnitsThetaString="Degrees (DDD.DDDDD)" UnitsRadius="0"
+            UnitsRadiusString="Number" UnitsDate="3" UnitsDateString="YYYY/MM/DD" UnitsTime="2"
+            UnitsTimeString="HH:MM:SS"/>
+        <DigitizeCurve CursorInnerRadius="5" CursorLineWidth="2" CursorSize="1" CursorStandardCross="True"/>
+        <Export PointsSelectionFunctions="0" PointsSelectionFunctionsString="InterpolateAllCurves"
+            PointsIntervalFunctions="10" PointsIntervalUnitsFunctions="1" PointsSelectionRelations="0"
+            PointsSelectionRelationsString="Interpolate" LayoutFunctions="0" Delimiter="0" Header="1"
+            HeaderString="Simple" XLabel="x">
+            <CurveNamesNotExported>
+                <CurveNameNotExported CurveName="Axes"/>
+            </CurveNamesNotExported>
+        </Export>
+        <AxesChecker Mode="1" Seconds="3" LineColor="6"/>
+        <GridDisplay Stable="True" DisableX="0" CountX="5" StartX="0" StepX="10" StopX="40" DisableY="0"
+            CountY="4" StartY="0" StepY="0.5" StopY="1" Color="0" ColorString="Black"/>
+        <GridRemoval Stable="False" DefinedGridLines="False" CloseDistance="10" CountX="2" StartX="0"
+            StopX="90"/>
+        <PointMatch PointSize="48" ColorAccepted="4" ColorAcceptedString="Green"/>
+        <Segments PointSeparation="25" MinLength="2" FillCorners="False" LineWidth="4" LineColor="4"/>
+        <Curve CurveName="Axes">{_style("Axes", "ConnectSkipForAxisCurve")}
+            <CurvePoints>{THREE}</CurvePoints>
+        </Curve>
+        <CurvesGraphs>{drawn}</CurvesGraphs>
+    </CoordSystem>
+</Document>
+""".encode()

@@ -12,11 +12,22 @@ import typer
 from ifrfit.cli.completion import completer
 from ifrfit.cli.options import Repeated, figure_conventions, offered_conventions
 from ifrfit.cli.output import command, text_width
+from ifrfit.cli.track_options import (
+    Acceleration,
+    Contact,
+    Fps,
+    Frames,
+    IsTracks,
+    PixelSize,
+    Radius,
+    given_of_tracks,
+    refuse_given,
+)
 
 
 @command
 def check(
-    file: Annotated[Path, typer.Argument(help="A table, a sheet, or a digitised figure.")],
+    file: Annotated[Path, typer.Argument(help="A table, a sheet, a digitised figure, or tracks.")],
     x: Annotated[str | None, typer.Option("--x", metavar="HEADER", help="Of a figure: its x axis.")] = None,
     y: Annotated[str | None, typer.Option("--y", metavar="HEADER", help="Of a figure: its y axis.")] = None,
     axes: Annotated[str | None, typer.Option(metavar="NAME", help="Of a figure: which axes.")] = None,
@@ -26,7 +37,17 @@ def check(
     pixels: Annotated[
         float | None, typer.Option(metavar="N", help="Of a figure: standard error of a click.")
     ] = None,
+    bars: Annotated[
+        str | None, typer.Option(metavar="sigma|2sigma|95%", help="Of a figure: what half an error bar is.")
+    ] = None,
     sheet: Annotated[str | None, typer.Option(metavar="NAME", help="Of a spreadsheet: which sheet.")] = None,
+    tracks: IsTracks = False,
+    fps: Fps = None,
+    pixel: PixelSize = None,
+    radius: Radius = None,
+    contact: Contact = None,
+    frames: Frames = None,
+    acceleration: Acceleration = None,
     convention: Annotated[
         Repeated,
         typer.Option(
@@ -39,8 +60,20 @@ def check(
     """What a file holds, how its columns are understood, what can be fitted from it, and what is missing."""
     from ifrfit.data.examination import examine
 
-    more = figure_conventions(x=x, y=y, axes=axes, dataset=dataset, pixels=pixels, sheet=sheet)
-    found = examine(file, [*convention, *more])
+    of_figure = {"x": x, "y": y, "axes": axes, "dataset": dataset, "pixels": pixels, "bars": bars}
+    of_tracks = given_of_tracks(
+        tracks,
+        fps=fps,
+        pixel=pixel,
+        radius=radius,
+        contact=contact,
+        frames=frames,
+        acceleration=acceleration,
+    )
+    if of_tracks is not None:
+        refuse_given(of_figure, "is about a figure, not about tracks. Leave it away")
+    more = figure_conventions(**of_figure, sheet=sheet)
+    found = examine(file, [*convention, *more], of_tracks)
     typer.echo(found.file)
     for title, lines in (
         ("columns", found.columns),

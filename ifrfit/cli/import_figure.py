@@ -1,15 +1,31 @@
-"""`ifrfit import`: the points of a digitised figure as a table in the common schema."""
+"""`ifrfit import`: points of a digitised figure, or tracks of a camera, as a table in the common schema."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ifrfit.cli.completion import completer
 from ifrfit.cli.options import Repeated, command_line, offered_conventions
 from ifrfit.cli.output import command
+from ifrfit.cli.track_options import (
+    Acceleration,
+    Contact,
+    Fps,
+    Frames,
+    IsTracks,
+    PixelSize,
+    Radius,
+    given_of_tracks,
+    refuse_given,
+)
+from ifrfit.errors import UsageError
+
+if TYPE_CHECKING:
+    from ifrfit.data import Observations
 
 
 @command
@@ -17,11 +33,16 @@ def import_figure(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A project of WebPlotDigitizer (.json, .tar) or Engauge Digitizer (.dig), or points as CSV."
+            help="A project of WebPlotDigitizer (.json, .tar) or Engauge Digitizer (.dig), "
+            "points as CSV, or tracks."
         ),
     ],
-    x: Annotated[str, typer.Option("--x", metavar="HEADER", help="What the x axis is, as gamma_deg.")],
-    y: Annotated[str, typer.Option("--y", metavar="HEADER", help="What the y axis is, as beta.")],
+    x: Annotated[
+        str | None, typer.Option("--x", metavar="HEADER", help="What the x axis is, as gamma_deg.")
+    ] = None,
+    y: Annotated[
+        str | None, typer.Option("--y", metavar="HEADER", help="What the y axis is, as beta.")
+    ] = None,
     axes: Annotated[
         str | None, typer.Option(metavar="NAME", help="Which axes, where several have points.")
     ] = None,
@@ -38,6 +59,12 @@ def import_figure(
         float | None,
         typer.Option(metavar="N", help="Standard error of a click in each direction, by default 1."),
     ] = None,
+    bars: Annotated[
+        str | None,
+        typer.Option(
+            metavar="sigma|2sigma|95%", help="What half an error bar is; by default bars are left out."
+        ),
+    ] = None,
     convention: Annotated[
         Repeated,
         typer.Option(
@@ -46,25 +73,75 @@ def import_figure(
             autocompletion=completer(offered_conventions),
         ),
     ] = [],  # noqa: B006
+    tracks: IsTracks = False,
+    fps: Fps = None,
+    pixel: PixelSize = None,
+    radius: Radius = None,
+    contact: Contact = None,
+    frames: Frames = None,
+    acceleration: Acceleration = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="Write there; by default on standard output.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FILE.csv.")] = False,
 ) -> None:
-    """The points of a digitised figure as a table, with the errors of reading (docs/how-to/digitise.md)."""
-    from ifrfit.data.read_figure import read_figure
+    """Points of a figure, or tracks of a camera, as a table.
+
+    See docs/how-to/digitise.md and docs/how-to/tracks.md.
+    """
     from ifrfit.data.table_text import table_text, write_text
 
-    found = read_figure(
-        file, x=x, y=y, axes=axes, dataset=dataset, series=series, pixels=pixels, convention=convention
+    of_figure = {
+        "x": x,
+        "y": y,
+        "axes": axes,
+        "dataset": dataset,
+        "series": series,
+        "pixels": pixels,
+        "bars": bars,
+    }
+    of_tracks = given_of_tracks(
+        tracks,
+        fps=fps,
+        pixel=pixel,
+        radius=radius,
+        contact=contact,
+        frames=frames,
+        acceleration=acceleration,
     )
+    found = _read(file, of_figure, of_tracks, convention)
     source = found.sources[0]
     text = table_text(found, [f"made by {command_line()}", f"from {source.name}, SHA-256 {source.sha256}"])
     if out is None:
         typer.echo(text, nl=False)
         return
     write_text(text, out, force=force)
-    counts = found.table.groupby("series", sort=False).size()
-    typer.echo(f"{out}: {', '.join(f'{n} points of {name}' for name, n in counts.items())}")
+    counts = found.table.groupby("series", sort=False)["impact_id"].agg(["size", "nunique"])
+    words = [
+        f"{impacts} impacts of {name}" if tracks else f"{size} points of {name}"
+        for name, size, impacts in counts.itertuples()
+    ]
+    typer.echo(f"{out}: {', '.join(words)}")
     for note in found.notes:
         typer.echo(f"  note  {note}")
+
+
+def _read(
+    file: Path, of_figure: Mapping[str, Any], of_tracks: Mapping[str, Any] | None, convention: Sequence[str]
+) -> Observations:
+    """What a figure or a table of tracks says; options of the other are refused."""
+    if of_tracks is None:
+        from ifrfit.data.read_figure import read_figure
+
+        lacking = next((key for key in ("x", "y") if of_figure[key] is None), None)
+        if lacking is not None:
+            raise UsageError(
+                f"--{lacking}: say what the axes of the figure are, as --x gamma_deg --y beta; or, of "
+                f"positions frame "
+                "by frame, --tracks."
+            )
+        return read_figure(file, **of_figure, convention=convention)
+    from ifrfit.data.read_tracks import read_tracks
+
+    refuse_given(of_figure, "is about a figure, not about tracks. Leave it away")
+    return read_tracks(file, **of_tracks, convention=convention)

@@ -152,14 +152,22 @@ _ROWS = (
         choices=offered_conventions,
     ),
 )
-# of files that are no tables of impacts by themselves; each is a convention of that name
+# of files that are no tables of impacts by themselves; each is a convention of that name,
+# of one of several files as FILE:CHOICE
 _FILES = (
-    Option("Of a digitised figure, what its x axis is.", "text", "HEADER", "x"),
-    Option("Of a digitised figure, what its y axis is.", "text", "HEADER", "y"),
-    Option("Of a figure with several axes, which.", "text", "NAME", "axes", unset="those with points"),
+    Option("Of a digitised figure, what its x axis is.", "names", "HEADER", "x"),
+    Option("Of a digitised figure, what its y axis is.", "names", "HEADER", "y"),
+    Option("Of a figure with several axes, which.", "names", "NAME", "axes", unset="those with points"),
     Option("Of a digitised figure, which dataset.", "names", "NAME", "dataset", unset="all"),
-    Option("Of a digitised figure, the standard error of a click.", "number", "N", "pixels", unset="1"),
-    Option("Of a spreadsheet, which sheet.", "text", "NAME", "sheet", unset="the only one"),
+    Option("Of a digitised figure, the standard error of a click.", "names", "N", "pixels", unset="1"),
+    Option(
+        "Of a digitised figure, what half an error bar is.",
+        "names",
+        "sigma|2sigma|95%",
+        "bars",
+        unset="left out",
+    ),
+    Option("Of a spreadsheet, which sheet.", "names", "NAME", "sheet", unset="the only one"),
 )
 _SCENE = Option(
     "What hit what, to see which effects that calls for.",

@@ -22,10 +22,15 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", 180.0 / math.pi),
     "m": ("length", 1.0),
     "mm": ("length", 1e-3),
+    "cm": ("length", 1e-2),
     "m/s": ("speed", 1.0),
     "mm/s": ("speed", 1e-3),
+    "cm/s": ("speed", 1e-2),
+    "km/h": ("speed", 1.0 / 3.6),
+    "mph": ("speed", 0.44704),
     "rad/s": ("rate", 1.0),
     "rpm": ("rate", math.pi / 30.0),
+    "rps": ("rate", 2.0 * math.pi),
     "1": ("number", 1.0),
     "%": ("number", 0.01),
 }
@@ -135,10 +140,57 @@ def _observable_name(base: str) -> str | None:
 def _meanings(header: Header) -> Iterator[Role]:
     """Yield what the name can mean, without looking at units."""
     name, unit = _ALIASES.get(header.name, header.name), header.unit
+    found = False
+    for role in _untimed(name, unit):
+        found = True
+        yield role
+    if not found:
+        yield from _timed(name, unit)
+
+
+def _timed(name: str, unit: str | None) -> Iterator[Role]:
+    """Yield what a name means that says before or after: ``v_in``, ``angle_out``, ``rebound_speed``."""
+    sigma = name.startswith("sigma_")
+    name = name.removeprefix("sigma_")
+    name, _, place = name.partition("_from_")
+    place = place.removeprefix("the_")
+    for number, time in enumerate(("before", "after")):
+        for word in HEADERS["times"][time]:
+            rest = (
+                name.removesuffix(f"_{word}") if name.endswith(f"_{word}") else name.removeprefix(f"{word}_")
+            )
+            meant = HEADERS["timed"].get(rest) if rest != name else None
+            if meant is None:
+                continue
+            key = str(meant[number])
+            if key.startswith("angle"):
+                yield from _timed_angle(key, place, unit, sigma=sigma)
+            elif not place:
+                dimension = RAW.get(key, "speed")
+                kind = "sigma_raw" if sigma else "common" if key in COMMON else "raw"
+                yield Role(kind, key, dimension, unit)
+
+
+def _timed_angle(key: str, place: str, unit: str | None, *, sigma: bool) -> Iterator[Role]:
+    """Yield the angle of what comes or of what leaves, which may say from where it is measured."""
+    if place not in ("", "normal", "wall", "surface"):
+        return
+    wall = place in ("wall", "surface")
+    if key == "angle_after":
+        name = key if sigma or not place else f"{key}_from_{'wall' if wall else 'normal'}"
+        yield Role("sigma_raw" if sigma else "raw", name, "angle", unit)
+    elif sigma:
+        yield Role("common", "sigma_gamma", "angle", unit)
+    else:
+        yield Role("angle", "angle" if not place else WALL_ANGLE if wall else "gamma", "angle", unit)
+
+
+def _untimed(name: str, unit: str | None) -> Iterator[Role]:
+    """Yield what a name means that says nothing of before or after."""
     if name in RAW and not (name in OBSERVABLES and unit in (None, "1")):
         yield Role("raw", name, RAW[name], unit)
-    if name == "v_n" and unit not in (None, "1"):
-        yield Role("raw", name, "speed", unit)
+    if name in ("v_n", "v_t") and unit not in (None, "1"):
+        yield Role("raw", "v_n" if name == "v_n" else "v_x", "speed", unit)
     if name in COMMON:
         yield Role("common", name, COMMON[name], unit)
     observable = _observable_name(name)
@@ -166,6 +218,8 @@ def _uncertainty(name: str, unit: str | None) -> Iterator[Role]:
                 yield Role(kind, role.name, role.dimension, unit)
             elif role.name == "gamma" or role.kind == "angle":
                 yield Role("common", "sigma_gamma", "angle", unit)
+            elif role.name == "speed":
+                yield Role("sigma_raw", "speed", "speed", unit)
             elif role.name in ("spin_x", "spin_y"):
                 yield Role("common", f"sigma_{role.name}", "number", unit)
     if name.startswith("sd_"):
@@ -190,6 +244,20 @@ def role_of(text: str) -> Role:
     for role in _meanings(header):
         return role
     return Role("unknown", header.name, unit=header.unit)
+
+
+_NUMBERED = re.compile(
+    r"^(?P<sigma>sigma_)?(?P<of>v|angle|theta|omega|spin)_?(?P<time>[12])(?=$|[_\s\[(])", re.IGNORECASE
+)
+
+
+def numbered_role(text: str) -> Role:
+    """Return what a header holds that calls before 1 and after 2, as ``v1`` and ``theta2_deg``."""
+    match = _NUMBERED.match(text.strip())
+    if match is None:
+        return Role("unknown", parse_header(text).name)
+    time = "in" if match["time"] == "1" else "out"
+    return role_of(f"{match['sigma'] or ''}{match['of']}_{time}{text.strip()[match.end() :]}")
 
 
 def named_role(name: str, header: str, given_unit: str | None) -> Role:
@@ -255,7 +323,7 @@ def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]
     """Return up to `most` of the known column names and `also` that resemble `name`, the closest first."""
     # with their units, which other names have not
     schema = {"gamma": "gamma_deg", "sigma_gamma": "sigma_gamma_deg", "speed": "speed_m_s"}
-    si = {"speed": "m_s", "rate": "rad_s", "length": "m"}
+    si = {"speed": "m_s", "rate": "rad_s", "length": "m", "angle": "deg"}
     names = [
         *(schema.get(each, each) for each in COMMON),
         *OBSERVABLES,

@@ -16,18 +16,22 @@ from ifrfit.data.column_names import (
     Role,
     closest,
     named_role,
+    numbered_role,
     parse_header,
     role_of,
     uncertainty_of,
     units_of,
 )
 from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions, suggest
+from ifrfit.data.tracks.track_headers import looks_like_tracks
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import joined
 
 _WITH_UNIT = ("angle", "speed", "rate", "length")
 _IN_PERCENT = ("observable", "open", "sigma", "sd")  # kinds of columns that may be, where they are numbers
 # Half a turn about x takes a z that points out of the wall into one that points in: these change sign.
+_SPINS = {"spin": "omega_y", "spin_after": "omega_y_after"}
 _TURNED = tuple(f"{vector}_{axis}" for vector in ("u", "v", "omega") for axis in "yz")
 
 
@@ -99,7 +103,8 @@ def _role(header: str, conventions: Conventions) -> Role:
         return Role("angle", name, dimension, conventions.angle_unit or unit or stated)
     if header in conventions.columns or unit is not None:
         return named_role(conventions.columns.get(header, header), header, unit)
-    return role_of(header)
+    role = role_of(header)
+    return numbered_role(header) if role.kind == "unknown" and "sports" in conventions.choices else role
 
 
 def _column(index: int, header: str, role: Role, layout: Layout) -> Column:
@@ -116,12 +121,43 @@ def _column(index: int, header: str, role: Role, layout: Layout) -> Column:
         key, sign = meaning
     if role.kind in ("sigma", "sd"):
         return Column(index, header, f"{role.kind}:{key}", role.dimension, role.unit)
-    if role.kind == "raw":
+    if role.kind in ("raw", "sigma_raw") and key in _SPINS:
+        key, sign = _spin(role, layout, at)
+    elif role.kind == "raw":
         sign = -1.0 if layout.conventions.out_of_wall and key.startswith(_TURNED) else 1.0
-        key = f"raw:{key}"
-    if role.kind == "sigma_raw":
-        key = f"sigma:raw:{key}"
+    if role.kind == "raw" and key.startswith("angle_after"):
+        key = _angle_after(header, role, layout, at)
+    if role.kind in ("raw", "sigma_raw"):
+        key = f"raw:{key}" if role.kind == "raw" else f"sigma:raw:{key}"
+        sign = sign if role.kind == "raw" else 1.0
     return Column(index, header, key, role.dimension, role.unit, sign)
+
+
+def _spin(role: Role, layout: Layout, at: str) -> tuple[str, float]:
+    """Return the component that a spin without one is, and its sign.
+
+    With z into the wall and x the way it goes, it is along y. A ball that rolls on the way it goes turns
+    against y in this frame: its topspin is -omega_y.
+    """
+    choice = layout.conventions.choices.get("spin")
+    if choice is None and role.kind == "raw":
+        raise DataError(f"{at}: {OPEN_QUESTIONS['spin']}.")
+    return _SPINS[role.name], -1.0 if choice == "topspin" else 1.0
+
+
+def _angle_after(header: str, role: Role, layout: Layout, at: str) -> str:
+    """Return the key of an angle after impact with the side from which it is measured."""
+    said = layout.conventions.angle_from
+    if role.name != "angle_after":
+        return role.name
+    if said is None:
+        raise DataError(
+            f"{at}: could be measured from the wall or from its normal. Say which, for angles before and "
+            f"after "
+            f"alike: {suggest('angle=from-wall')} or {suggest('angle=from-normal')}; or call this one "
+            f"angle_out_from_wall_deg or angle_out_from_normal_deg."
+        )
+    return f"angle_after_{said.replace('-', '_')}"
 
 
 def _check_unit(role: Role, at: str) -> None:
@@ -153,13 +189,21 @@ def _raw_uncertainties(layout: Layout) -> None:
             _add(layout, replace(column, key=f"sigma:raw:{name}", dimension="speed"))
 
 
+# values whose uncertainty is called otherwise than they are
+_PARTNERS = {
+    "sigma_gamma": ("gamma",),
+    "sigma:raw:speed": ("speed",),
+    "sigma:raw:angle_after": ("raw:angle_after_from_normal", "raw:angle_after_from_wall"),
+}
+
+
 def _inherit_units(layout: Layout) -> None:
     """Give the uncertainty of an angle the unit of the angle where its header has none."""
     _inherit_percent(layout)
     for key, column in list(layout.columns.items()):
-        of = {"sigma_gamma": "gamma"}.get(key, key.removeprefix("sigma:").removeprefix("sd:"))
-        partner = layout.columns.get(of)
-        if of != key and partner is not None and column.unit is None and column.dimension in _WITH_UNIT:
+        of = _PARTNERS.get(key, (key.removeprefix("sigma:").removeprefix("sd:"),))
+        partner = next((layout.columns[each] for each in of if each != key and layout.has(each)), None)
+        if partner is not None and column.unit is None and column.dimension in _WITH_UNIT:
             unit = partner.unit
             if unit is None and partner.dimension == "angle":
                 # Raises where the values do not tell; where they do, it can only be degrees.
@@ -203,6 +247,11 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
                     "changed sign."
                 )
             continue
+        if of == "sports":
+            continue
+        if of == "spin":
+            _note_spin(layout, choice, there, unused)
+            continue
         if of == "pair":
             layout.notes.append(
                 f"{name}: read as collisions of two equal spheres, which are a wall in the relative frame: "
@@ -213,6 +262,17 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
         if not layout.has("observable") and not there & wanted:
             unused.append(f"{of}={choice}")
     layout.notes.extend(f"{name}: convention {what} found nothing to apply to." for what in unused)
+
+
+def _note_spin(layout: Layout, choice: str, there: set[str], unused: list[str]) -> None:
+    """Say how spins without an axis were read."""
+    if there & set(_SPINS):
+        layout.notes.append(
+            f"{layout.cells.name}: spins were read as positive for {choice}, the way a ball "
+            f"{'rolls on' if choice == 'topspin' else 'would roll back'} along its own motion."
+        )
+    else:
+        unused.append(f"spin={choice}")
 
 
 _REFERENCE = ("gamma", "tan_gamma", WALL_ANGLE)
@@ -287,6 +347,12 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
     DataError
         Always.
     """
+    if looks_like_tracks(cells.headers):
+        raise DataError(
+            f"{cells.file}: looks like positions frame by frame, {joined(cells.headers[:4])}, not like "
+            f"impacts. Make "
+            f"these of it: 'ifrfit import {cells.file} --tracks --out impacts.csv'."
+        )
     if len(cells.headers) == 1:
         raise DataError(
             f"{cells.at(header=unknown[0])}: unknown name{_hint(unknown[0])}. Rename it; columns are "

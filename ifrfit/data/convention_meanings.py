@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from ifrfit.data.column_names import UNITS
-from ifrfit.data.conventions import CHOICES, suggest
+from ifrfit.data.conventions import CHOICES, SHORTHANDS, suggest
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,29 @@ MEANINGS: Mapping[str, Meaning] = {
             "velocities and spins change sign",
         },
     ),
+    "spin": Meaning(
+        "what a positive spin is in a column that names no axis, as spin_in_rpm and spin_out_rpm",
+        "spin=topspin",
+        "refused: both are in use; omega_y is right-handed about y",
+        {
+            "topspin": "the way a ball rolls on along its own motion",
+            "backspin": "the other way",
+        },
+    ),
     "pair": Meaning(
         "who hit whom in a table of velocities",
         "pair=equal-spheres",
         "a sphere and a wall",
         {"equal-spheres": "two equal spheres: relative velocities and the sum of both spins (docs/pairs.md)"},
+    ),
+    "sports": Meaning(
+        "tables of balls on courts: all angles from the surface, topspin positive, 1 before and 2 after; "
+        "that is "
+        "angle=from-wall, spin=topspin and columns such as v1, theta1, v2, theta2, omega2 read as v_in, "
+        "angle_in, "
+        "v_out, angle_out, spin_out",
+        "sports",
+        "both are asked for, each by itself",
     ),
     "provenance": Meaning(
         "where rows come from that do not say it themselves",
@@ -168,6 +186,17 @@ MEANINGS: Mapping[str, Meaning] = {
         "1",
         {"NUMBER": "of the picture that was clicked in"},
     ),
+    "bars": Meaning(
+        "of a digitised figure, what half an error bar is, where ends of bars were read off",
+        "bars=2sigma",
+        "bars are left out, with a note",
+        {
+            "sigma": "one standard error",
+            "2sigma": "two standard errors",
+            "95%": "half of an interval that holds the value with this probability, of normal errors",
+            "NUMBER": "so many standard errors",
+        },
+    ),
 }
 
 # conventions with a choice that is a word, for shells that complete what is typed
@@ -177,7 +206,7 @@ WORDS: tuple[str, ...] = tuple(
     if ":" not in name
     for choice in choices
     if choice == choice.lower()
-)
+) + tuple(SHORTHANDS)
 
 
 def convention_lines(width: int) -> Iterator[str]:

@@ -20,7 +20,9 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "e_t": ("centre",),
     "psi": ("over-incoming", "over-outgoing"),
     "z": ("into-wall", "out-of-wall"),
+    "spin": ("topspin", "backspin"),
     "pair": ("equal-spheres",),
+    "sports": (),
     "provenance": tuple(p for p in PROVENANCES if p != "stand-in"),
     "column:NAME": ("HEADER",),
     "unit:HEADER": tuple(UNITS),
@@ -32,6 +34,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "dataset": ("NAME",),
     "series": ("NAME",),
     "pixels": ("NUMBER",),
+    "bars": ("sigma", "2sigma", "95%", "NUMBER"),
 }
 _MEANING = {
     ("beta", "contact"): ("beta", 1.0),
@@ -51,6 +54,14 @@ OPEN_QUESTIONS = {
     "magnitude": "a magnitude without its sign fits two mirror-image solutions wherever beta crosses zero. "
     "Give the signed values, beta = -V_t/U_t",
 }
+OPEN_QUESTIONS["spin"] = (
+    "is positive for topspin, the way a ball rolls on along its own motion, or for backspin. Say which: "
+    "--convention spin=topspin or spin=backspin; or give its component along y as omega_y and omega_y_after"
+)
+# a word for several conventions that go together
+SHORTHANDS: dict[str, dict[str, str]] = {
+    "sports": {"angle": "from-wall", "spin": "topspin", "sports": "numbered"},
+}
 _WHY_PAIR = (
     " Two equal spheres are a wall in the relative frame; of other pairs radii, masses and inertia factors "
     "of both bodies enter, and ifrfit does not read them. For impacts on a wall leave the convention away."
@@ -67,7 +78,8 @@ class Conventions:
     angle_column, angle_from, angle_unit : str or None
         Which column is the incidence angle, from where it is measured, and in what.
     choices : mapping of str to str
-        Of ``beta``, ``e_t``, ``psi``, ``z`` and ``pair``.
+        Of ``beta``, ``e_t``, ``psi``, ``z``, ``spin`` and ``pair``; ``sports`` where v1 is before and v2
+        after.
     columns : mapping of str to str
         Header in the file to the name of the schema.
     units : mapping of str to str
@@ -156,13 +168,16 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     convention : sequence of str or mapping of str to str
         ``angle=from-wall``, ``angle=COLUMN:from-wall:rad``, ``beta=opposite-sign``, ``beta=centre``,
         ``e_t=centre``, ``psi=over-outgoing``, ``column:beta=HEADER``, ``unit:HEADER=mm/s``,
-        ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, and
-        ``z=out-of-wall``: z points out of the wall, in a frame that is right-handed all the same. Such a
-        frame is turned half round about x, so y and z components of velocities and of right-handed spins
+        ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, ``spin=topspin``
+        (spins without an axis are positive the way a ball rolls on), ``sports`` for both of
+        ``angle=from-wall`` and ``spin=topspin``, with 1 before and 2 after, and ``z=out-of-wall``: z points
+        out of the wall, in a frame that is right-handed all the same. Such a frame is
+        turned half round about x, so y and z components of velocities and of right-handed spins
         change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
         relative to the other's and spins the sum of both spheres', which makes such a pair a wall
         (docs/pairs.md); no number changes. ``sheet=NAME`` of a spreadsheet. Of a digitised figure
-        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME`` and ``pixels=1``; see
+        ``x=gamma_deg``, ``y=beta``, ``axes=NAME``, ``dataset=NAME``, ``series=NAME``, ``pixels=1`` and
+        ``bars=sigma``; see
         `ifrfit.read_figure`.
 
     Raises
@@ -176,6 +191,7 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     if not isinstance(given, Mapping | Sequence) or not all(isinstance(c, str) for c in given):
         raise UsageError(f"--convention: {convention!r:.60} is neither NAME=CHOICE nor several of these.")
     pairs = list(convention.items()) if isinstance(convention, Mapping) else [_split(c) for c in convention]
+    pairs = [each for pair in pairs for each in _written_out(*pair)]
     angle: dict[str, str] = {}
     choices: dict[str, str] = {}
     columns: dict[str, str] = {}
@@ -187,7 +203,9 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         kind, _, of = name.partition(":")
         if name == "angle":
             _update(angle, _angle(choice), name)
-        elif name in ("beta", "e_t", "psi", "z", "pair", "provenance"):
+        elif name in SHORTHANDS:
+            choices[name] = choice
+        elif name in ("beta", "e_t", "psi", "z", "spin", "pair", "provenance"):
             _update(choices, {name: _choice(name, choice)}, name)
         elif kind == "column" and of:
             _update(columns, {choice: _column(of, choice)}, name)
@@ -218,13 +236,19 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
 
 def _figure(given: Mapping[str, list[str]]) -> FigureQuestion | None:
     once: dict[str, str | None] = {}
-    for key in ("x", "y", "axes", "pixels"):
+    for key in ("x", "y", "axes", "pixels", "bars"):
         texts = given.get(key, [])
         if len(set(texts)) > 1:
             raise UsageError(f"--convention {key}: both '{texts[0]}' and '{texts[1]}' are given. Keep one.")
         once[key] = texts[0] if texts else None
     return figure_question(
-        once["x"], once["y"], once["axes"], given.get("dataset", ()), given.get("series", ()), once["pixels"]
+        once["x"],
+        once["y"],
+        once["axes"],
+        given.get("dataset", ()),
+        given.get("series", ()),
+        once["pixels"],
+        once["bars"],
     )
 
 
@@ -245,13 +269,26 @@ def suggest(convention: str) -> str:
 
 def _split(text: str) -> tuple[str, str]:
     name, equals, choice = text.partition("=")
+    if name.strip() in SHORTHANDS and not equals:
+        return name.strip(), ""
     if not equals or not choice.strip():
         raise UsageError(f"--convention {text}: write NAME=CHOICE. {_list_choices()}.")
     return name.strip(), choice.strip()
 
 
+def _written_out(name: str, choice: str) -> list[tuple[str, str]]:
+    """The conventions that a word stands for; any other stands for itself."""
+    if name not in SHORTHANDS:
+        return [(name, choice)]
+    if choice:
+        raise UsageError(f"--convention {name}={choice}: takes no choice. Write --convention {name}.")
+    return list(SHORTHANDS[name].items())
+
+
 def _list_choices() -> str:
-    return "Known are " + "; ".join(f"{name}={'|'.join(choices)}" for name, choices in CHOICES.items())
+    return "Known are " + "; ".join(
+        name if name in SHORTHANDS else f"{name}={'|'.join(choices)}" for name, choices in CHOICES.items()
+    )
 
 
 def _update(into: dict[str, str], new: Mapping[str, str], name: str) -> None:

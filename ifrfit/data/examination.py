@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,9 @@ import pandas as pd
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.observations import Observations
+from ifrfit.data.read_tracks import read_tracks
 from ifrfit.data.readers import observe, read_table
+from ifrfit.data.tracks.track_table import read_track_cells, track_columns
 from ifrfit.physics.observables import OBSERVABLES
 
 _SIMILAR_DEG = 1.0  # angles closer than this are one setting
@@ -45,7 +48,11 @@ class Examination:
     notes: tuple[str, ...]
 
 
-def examine(path: str | Path, convention: Sequence[str] | Mapping[str, str] = ()) -> Examination:
+def examine(
+    path: str | Path,
+    convention: Sequence[str] | Mapping[str, str] = (),
+    tracks: Mapping[str, Any] | None = None,
+) -> Examination:
     """Read a file and say what it holds.
 
     Parameters
@@ -54,6 +61,8 @@ def examine(path: str | Path, convention: Sequence[str] | Mapping[str, str] = ()
         Whatever `ifrfit.read` takes of files.
     convention : sequence of ``NAME=CHOICE`` or mapping
         As in `ifrfit.read`.
+    tracks : mapping, optional
+        Options of `ifrfit.read_tracks`, where the file holds tracks.
 
     Raises
     ------
@@ -61,9 +70,14 @@ def examine(path: str | Path, convention: Sequence[str] | Mapping[str, str] = ()
         As `ifrfit.read`.
     """
     conventions = parse_conventions(convention)
-    cells = read_table(Path(path), conventions)
-    columns = tuple(identify(cells, conventions).lines())
-    found = observe(cells, conventions)
+    if tracks is not None:
+        found = read_tracks(path, **tracks, convention=convention)
+        cells = read_track_cells(Path(path), conventions)
+        columns = tuple(track_columns(cells, conventions))
+    else:
+        cells = read_table(Path(path), conventions)
+        columns = tuple(identify(cells, conventions).lines())
+        found = observe(cells, conventions)
     return Examination(
         str(path),
         columns,

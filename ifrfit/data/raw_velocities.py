@@ -29,6 +29,7 @@ from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array, sincos
 from ifrfit.physics.observables import OBSERVABLES
 
+ANGLES_AFTER = ("raw:angle_after_from_normal", "raw:angle_after_from_wall")
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
 
 
@@ -83,22 +84,27 @@ def read_incoming(layout: Layout) -> Incoming:
         An impact does not approach the wall.
     """
     n = len(layout.cells)
-    if not layout.has("raw:u_z"):
+    if not _has_components(layout):
         gamma, u = layout.gamma(), layout.numbers("speed")
         require(layout, "speed", u, u > 0, "the speed must be positive")
         sine = sincos(gamma, degrees=True)[0]
         none = np.full(n, np.nan)
         sigma_gamma = layout.numbers("sigma_gamma")
-        return Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), none, sigma_gamma, none)
-    x, z = layout.numbers("raw:u_x"), layout.numbers("raw:u_z")
+        sigma_u = layout.numbers("sigma:raw:speed")
+        return Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), sigma_u, sigma_gamma, none)
+    normal = "u_z" if layout.has("raw:u_z") else "u_n"
+    x, z = layout.numbers("raw:u_x"), layout.numbers(f"raw:{normal}")
     y = layout.numbers("raw:u_y") if layout.has("raw:u_y") else np.zeros(n)
-    require(layout, "raw:u_z", z, z > 0, z_rule(layout, "comes", "u_z"), z_remedy(layout))
+    if normal == "u_z":
+        require(layout, "raw:u_z", z, z > 0, z_rule(layout, "comes", "u_z"), z_remedy(layout))
+    else:
+        require(layout, "raw:u_n", z, z > 0, "u_n is the magnitude of the normal velocity before")
     tangential = np.hypot(x, y)
     u = np.hypot(tangential, z)
     moving = tangential > 0.0
     length = np.where(moving, tangential, 1.0)
     c, s = np.where(moving, x / length, 1.0), np.where(moving, y / length, 0.0)
-    given = [layout.numbers(f"sigma:raw:u_{axis}") for axis in "xyz"]
+    given = [layout.numbers(f"sigma:raw:{name}") for name in ("u_x", "u_y", normal)]
     known = ~np.isnan(given).all(axis=0)
     sx, sy, sz = (zero_where_missing(sigma) for sigma in given)
     along = np.hypot(c * sx, s * sy)
@@ -115,6 +121,11 @@ def read_incoming(layout: Layout) -> Incoming:
         np.where(known, sigma_gamma, np.nan),
         np.where(known, turn, np.nan),
     )
+
+
+def _has_components(layout: Layout) -> bool:
+    """Tell whether the velocity before is given by its components."""
+    return layout.has("raw:u_z") or layout.has("raw:u_n")
 
 
 def z_rule(layout: Layout, does: str, name: str) -> str:
@@ -231,7 +242,9 @@ def _check_momentum(
 
 
 def _angle_header(layout: Layout) -> str:
-    return layout.header("gamma", layout.header("tan_gamma", layout.header("raw:u_x")))
+    return layout.header(
+        "gamma", layout.header("tan_gamma", layout.header("raw:u_x", layout.header("raw:u_n")))
+    )
 
 
 def _headers(layout: Layout) -> dict[str, str]:
@@ -262,22 +275,65 @@ def _check_columns(layout: Layout) -> None:
                 "computed a spin before impact is spin_y = R omega_y/u."
             )
     angled = layout.has("gamma") or layout.has("tan_gamma")
-    if not layout.has("raw:u_z") and not (angled and layout.has("speed")):
+    if not _has_components(layout) and not (angled and layout.has("speed")):
         raise DataError(
             f"{cells.file}: the incoming velocity is missing. Add u_x_m_s and u_z_m_s (z points into the "
             "wall), or speed_m_s and gamma_deg."
         )
-    if layout.has("raw:u_z") and not layout.has("raw:u_x"):
-        raise DataError(f"{cells.file}: there is u_z but no u_x. Add u_x_m_s; it is 0 for a normal impact.")
-    if layout.has("raw:u_z") and angled:
+    for when, names in (("before", ("u_z", "u_n")), ("after", ("v_z", "v_n"))):
+        if all(layout.has(f"raw:{name}") for name in names):
+            raise DataError(
+                f"{cells.file}: the normal velocity {when} is given twice, as {' and '.join(names)}. "
+                f"Remove one."
+            )
+    normal = "u_z" if layout.has("raw:u_z") else "u_n"
+    if _has_components(layout) and not layout.has("raw:u_x"):
+        raise DataError(
+            f"{cells.file}: there is {normal} but no u_x. Add u_x_m_s; it is 0 for a normal impact."
+        )
+    if _has_components(layout) and angled:
         raise DataError(
             f"{cells.file}: the incidence is given twice, by {_angle_header(layout)} and by "
-            f"{layout.header('raw:u_x')}, {layout.header('raw:u_z')}. Remove one."
+            f"{layout.header('raw:u_x')}, {layout.header(f'raw:{normal}')}. Remove one."
         )
-    if layout.has("raw:v_z") and layout.has("raw:v_n"):
+    _check_polar(layout)
+
+
+def _check_polar(layout: Layout) -> None:
+    """Refuse a speed after without its angle, the reverse, both beside components, and topspin beside u_y."""
+    cells = layout.cells
+    angles = [key for key in ANGLES_AFTER if layout.has(key)]
+    components = [key for key in ("raw:v_x", "raw:v_y", "raw:v_z", "raw:v_n") if layout.has(key)]
+    if len(angles) > 1:
         raise DataError(
-            f"{cells.file}: the normal velocity after is given twice, as v_z and v_n. Remove one."
+            f"{cells.file}: the angle after is given twice, from the wall and from its normal. Remove one."
         )
+    for there, missing, name in (
+        (layout.has("raw:speed_after"), not angles, "angle after, such as angle_out_from_normal_deg"),
+        (bool(angles), not layout.has("raw:speed_after"), "speed after, such as v_out_m_s"),
+    ):
+        if there and missing:
+            given = layout.header("raw:speed_after" if not angles else angles[0])
+            raise DataError(
+                f"{cells.at(header=given)}: has no {name}, and neither says a velocity without the other. "
+                f"Add it; "
+                "a rebound angle alone is the column delta_deg."
+            )
+    if angles and components:
+        raise DataError(
+            f"{cells.file}: the velocity after is given twice, by {layout.header('raw:speed_after')} and by "
+            f"{layout.header(components[0])}. Remove one."
+        )
+    if "spin" in layout.conventions.choices and _has_components(layout):
+        x = layout.numbers("raw:u_x")
+        rule = "topspin and backspin are about the way the ball goes, which is along x here"
+        require(layout, "raw:u_x", x, x >= 0, rule, "Turn x round, or give omega_y.")
+        if layout.has("raw:u_y"):
+            raise DataError(
+                f"{cells.at(header=layout.header('raw:u_y'))}: with a motion across x a spin without an "
+                f"axis is no "
+                "component. Give omega_x and omega_y."
+            )
 
 
 def _check_magnitudes(layout: Layout) -> None:
@@ -344,8 +400,49 @@ def _spins(
     return result
 
 
+def _of_polar(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
+    """Return v_x and v_n over u of a speed after and its angle, with uncertainty and header.
+
+    The angle is that of the way it leaves, positive towards where it came along the wall; one that flies back
+    has a negative angle from the normal, and one above 90 degrees from the wall.
+    """
+    key = next(each for each in ANGLES_AFTER if layout.has(each))
+    speed, angle = layout.numbers("raw:speed_after"), layout.numbers(key)
+    require(layout, "raw:speed_after", speed, speed >= 0, "a speed is positive")
+    from_wall = key.endswith("wall")
+    low, high = (0.0, 180.0) if from_wall else (-90.0, 90.0)
+    rule = f"a ball that leaves has {low:g} to {high:g} degrees from the {'wall' if from_wall else 'normal'}"
+    layout.cells.refuse_first(
+        ((angle < low) | (angle > high)) & ~np.isnan(angle),
+        layout.header(key),
+        lambda row: f"{angle[row]:g} degrees, but {rule}. Correct it.",
+    )
+    angle = 90.0 - angle if from_wall else angle
+    sine, cosine = sincos(angle, degrees=True)
+    of_speed, of_angle = (
+        layout.numbers("sigma:raw:speed_after"),
+        np.radians(layout.numbers("sigma:raw:angle_after")),
+    )
+    known = ~(np.isnan(of_speed) & np.isnan(of_angle))
+    of_speed, of_angle = zero_where_missing(of_speed), zero_where_missing(of_angle) * speed
+    header = layout.header("raw:speed_after")
+    result = {}
+    for name, along, across in (("v_x", sine, cosine), ("v_n", cosine, sine)):
+        sigma = np.where(known, np.hypot(along * of_speed, across * of_angle), np.nan)
+        result[name] = (*incoming.per_speed(along * speed, sigma), header)
+    if known.any():
+        layout.notes.append(
+            f"{layout.cells.name}: v_x and v_n are of one speed and one angle after, and their errors "
+            f"correlated; "
+            "each has its own in full, the correlation is not kept."
+        )
+    return result
+
+
 def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
     """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
+    if layout.has("raw:speed_after"):
+        return _of_polar(layout, incoming)
     result: dict[str, tuple[Array, Array, str]] = {}
     keys = ["raw:v_x", "raw:v_y"]
     for key, component in zip(keys, _components(layout, incoming, keys), strict=True):

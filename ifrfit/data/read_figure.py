@@ -23,6 +23,7 @@ def read_figure(
     dataset: str | Sequence[str] = (),
     series: str | Sequence[str] = (),
     pixels: float | None = None,
+    bars: str | float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     inertia_factor: float = 0.4,
 ) -> Observations:
@@ -48,6 +49,10 @@ def read_figure(
         Names of the series, one for each dataset or one for all; else those of the datasets.
     pixels : float, optional
         Standard error of a click in each direction, 1 if not given; refused where the file has no pixels.
+    bars : str or float, optional
+        What half an error bar is, where their ends were read off: ``"sigma"``, ``"2sigma"``, ``"95%"`` or so
+        many standard errors; bars are left out if not given. They are points of groups beside the first, or
+        datasets called as another with ``upper`` or ``lower`` behind.
     convention : sequence of ``NAME=CHOICE`` or mapping
         As in `ifrfit.read`, such as ``angle=from-wall``.
     inertia_factor : float
@@ -77,7 +82,7 @@ def read_figure(
     conventions = parse_conventions(convention)
     if conventions.figure is not None:
         raise UsageError("--convention x=...: what the axes are is given as --x and --y, too. Keep one.")
-    said = figure_question(x, y, axes, _names(dataset), _names(series), pixels)
+    said = figure_question(x, y, axes, _names(dataset), _names(series), pixels, bars)
     cells = cells_of_figure(Path(file), replace(conventions, figure=said))
     assert cells is not None  # everything is a figure where it is said what its axes are
     return observe(cells, conventions, inertia_factor)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.data.derived_columns import contradictions
 from ifrfit.data.double_counting import count, double_counted, shares_e_n
 from ifrfit.data.observations import Observations, Source
+from ifrfit.data.repeat_readings import repeat_readings
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -104,6 +105,10 @@ def select(obs: Observations, selection: Selection) -> Observations:
         double, said = double_counted(rows, faces, selection.observable, selection.series)
         why[left[double]] = "same impacts counted already"
         notes.extend([*said, *contradictions(rows, double)])
+        left = left[~double]
+        for repeat in repeat_readings(table.iloc[left]):
+            why[left[repeat.rows]] = "read off twice"
+            notes.append(repeat.said)
     keep = why == ""
     kept = table if keep.all() else table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])

@@ -7,9 +7,12 @@ import datetime
 import io
 import re
 import zipfile
+import zlib
 from typing import Any
 
 from ifrfit.data.cell_table import show
+from ifrfit.data.compound_file import extent_of_xls
+from ifrfit.data.merged_headers import Spans
 from ifrfit.errors import DataError, UsageError
 
 MAGIC = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
@@ -17,6 +20,7 @@ DELIMITER = "\t"
 _LARGEST = 256 * 2**20  # bytes that a file may unpack to
 _MOST_FILES = 10_000
 _MOST_CELLS = 5_000_000
+_LAST_CELL = 11  # of the numbers of records of .xlsb: 0 begins a row, 1 to 11 are cells
 _CELL = re.compile(rb'<c r="([A-Z]{1,3})(\d{1,7})"')
 _REMEDY = "Export the sheet as CSV."
 
@@ -26,8 +30,8 @@ def is_spreadsheet(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
-    """The rows of a sheet as lines with tabs between cells, all from its first row.
+def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> tuple[list[str], Spans]:
+    """The rows of a sheet as lines with tabs between cells, from its first row; and which cells are merged.
 
     Parameters
     ----------
@@ -66,17 +70,30 @@ def lines_of_sheet(raw: bytes, file: str, sheet: str | None) -> list[str]:
                 f"{file}: has the sheets {', '.join(map(show, filled))}. Say which, as --convention "
                 f"'sheet={next(iter(filled))}'."
             )
-        rows = next(iter(filled.values())).to_python(skip_empty_area=False) if filled else []
+        only = next(iter(filled.values()), None)
+        rows = only.to_python(skip_empty_area=False) if only is not None else []
     except (CalamineError, ValueError, OSError) as error:
         if isinstance(error, DataError | UsageError):
             raise
         raise DataError(
             f"{file}: the file is a spreadsheet or an archive, not a text table. It cannot be opened as a "
-            f"spreadsheet ({str(error)[:80]}): {_REMEDY[0].lower()}{_REMEDY[1:]}"
+            f"spreadsheet ({' '.join(str(error).split())[:80]}): {_REMEDY[0].lower()}{_REMEDY[1:]}"
         ) from None
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # of the reader, which is no Exception
+            raise
+        raise DataError(_damaged(file, "its records contradict each other")) from None
     if not rows:
         raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
-    return _lines(rows)
+    return _lines(rows), _spans(only)
+
+
+def _spans(sheet: Any) -> Spans:
+    """Cells that are merged over several columns, as far as the format's reader tells: of .xlsx and .xls."""
+    found: Spans = {}
+    for (row, first), (_, last) in sheet.merged_cell_ranges or ():
+        found.setdefault(row, {})[first] = last
+    return found
 
 
 def _lines(rows: list[list[Any]]) -> list[str]:
@@ -97,6 +114,11 @@ def _text(cell: Any) -> str:
 
 def _refuse_bomb(raw: bytes, file: str) -> None:
     """Refuse archives that unpack to far more than tables take, or whose last cell is far away."""
+    if raw.startswith(MAGIC[1]):
+        extent = extent_of_xls(raw)
+        if extent is None:
+            raise DataError(_damaged(file, "no workbook"))
+        _refuse_far_cell(extent, file)
     if not raw.startswith(MAGIC[0]):
         return
     try:
@@ -110,23 +132,67 @@ def _refuse_bomb(raw: bytes, file: str) -> None:
                 )
             for each in members:
                 if each.filename.startswith("xl/worksheets/") and each.filename.endswith(".xml"):
-                    _refuse_far_cell(archive.read(each), f"{file}, {each.filename}")
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
+                    _refuse_far_cell(_extent(archive.read(each)), f"{file}, {each.filename}")
+                if each.filename.startswith("xl/worksheets/") and each.filename.endswith(".bin"):
+                    _refuse_far_cell(_binary_extent(archive.read(each)), f"{file}, {each.filename}")
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        NotImplementedError,
+        RuntimeError,
+        EOFError,
+        OSError,
+        ValueError,
+    ) as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(
-            f"{file}: the file is a spreadsheet or an archive, not a text table. It is damaged "
-            f"({str(error)[:80]}): {_REMEDY[0].lower()}{_REMEDY[1:]}"
-        ) from None
+        raise DataError(_damaged(file, str(error))) from None
 
 
-def _refuse_far_cell(xml: bytes, at: str) -> None:
-    """Refuse a sheet whose rectangle of cells would not fit into memory."""
+def _damaged(file: str, why: str) -> str:
+    return (
+        f"{file}: the file is a spreadsheet or an archive, not a text table. It is damaged "
+        f"({' '.join(why.split())[:80]}): {_REMEDY[0].lower()}{_REMEDY[1:]}"
+    )
+
+
+def _extent(xml: bytes) -> tuple[int, int]:
+    """Rows and columns that the cells of a sheet of .xlsx reach over."""
     right = down = 0
     for column, row in _CELL.findall(xml):
         number = 0
         for letter in column:
             number = 26 * number + letter - ord("A") + 1
         right, down = max(right, number), max(down, int(row))
+    return down, right
+
+
+def _binary_extent(records: bytes) -> tuple[int, int]:
+    """The same of a sheet of .xlsb: records of a number, a length, seven bits to a byte, and content."""
+    right = down = at = 0
+    while at < len(records):
+        kind, at = _seven_bits(records, at, 2)
+        size, at = _seven_bits(records, at, 4)
+        if kind <= _LAST_CELL and size >= 4:
+            number = int.from_bytes(records[at : at + 4], "little") + 1
+            down, right = (max(down, number), right) if kind == 0 else (down, max(right, number))
+        at += size
+    return down, right
+
+
+def _seven_bits(records: bytes, at: int, most: int) -> tuple[int, int]:
+    """A number of at most so many bytes, and where the next begins."""
+    number = 0
+    for place, byte in enumerate(records[at : at + most]):
+        number |= (byte & 0x7F) << 7 * place
+        at += 1
+        if byte < 0x80:
+            break
+    return number, at
+
+
+def _refuse_far_cell(extent: tuple[int, int], at: str) -> None:
+    """Refuse a sheet whose rectangle of cells would not fit into memory."""
+    down, right = extent
     if right * down > _MOST_CELLS:
         raise DataError(f"{at}: reaches over {down:,} rows and {right:,} columns. Delete what lies far off.")

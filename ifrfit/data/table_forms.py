@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import closest, role_of
-from ifrfit.data.conventions import OPEN_QUESTIONS
+from ifrfit.data.conventions import OPEN_QUESTIONS, suggest
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array
 from ifrfit.physics.observables import OBSERVABLES
@@ -257,6 +257,12 @@ def _check_uncertainties(layout: Layout, names: list[str], filled: list[str]) ->
             )
         for key, column in layout.columns.items():
             of = key.removeprefix(f"{kind}:")
+            if of == "raw:speed":
+                raise DataError(
+                    f"{layout.cells.at(header=column.header)}: the uncertainty of a speed counts beside "
+                    f"velocities "
+                    f"alone; in a table of observables leave it out: {suggest(f'ignore={column.header}')}."
+                )
             if of != key and of not in names:
                 raise DataError(
                     f"{layout.cells.at(header=column.header)}: the uncertainty of {of}, which the table does "

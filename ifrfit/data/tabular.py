@@ -17,6 +17,7 @@ import numpy as np
 
 from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
 from ifrfit.data.column_names import UNITS, parse_header, unit_name
+from ifrfit.data.merged_headers import Spans, merge_headers
 from ifrfit.data.notes_in_text import notes_in
 from ifrfit.data.sheets import DELIMITER, is_spreadsheet, lines_of_sheet
 from ifrfit.errors import DataError, UsageError
@@ -63,8 +64,9 @@ def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None =
     if sheet is not None and not is_spreadsheet(raw):
         raise UsageError(f"--convention sheet={sheet}: {file} is no spreadsheet. Leave it away.")
     if is_spreadsheet(raw):
-        lines = _without_comments(lines_of_sheet(raw, file, sheet))
-        cells = replace(_parse(lines, file, sha256, is_header, (DELIMITER,)), word="row")
+        lines, spans = lines_of_sheet(raw, file, sheet)
+        lines = _without_comments(lines)
+        cells = replace(_parse(lines, file, sha256, is_header, (DELIMITER,), spans), word="row")
     elif raw[:4] == b"PAR1":
         headers, columns, n = read_parquet(raw, file)
         cells = Cells(
@@ -131,8 +133,10 @@ def _parse(
     sha256: str,
     is_header: Callable[[str], bool],
     delimiters: Sequence[str] = (*DELIMITERS, BLANKS),
+    spans: Spans | None = None,
 ) -> Cells:
     start, delimiter = _find_header(lines, is_header, file, delimiters)
+    start, merged = _merged(lines, start, delimiter, is_header, spans or {}, file)
     if delimiter == BLANKS:
         lines = [*lines[:start], *(BLANKS.join(line.split()) for line in lines[start:])]
     _refuse_long_cells(lines, start, delimiter, file)
@@ -141,7 +145,7 @@ def _parse(
     header_line, names = next(rows, (0, []))
     if not names:
         raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
-    headers = [cell.strip() for cell in names]
+    headers = merged or [cell.strip() for cell in names]
     rows, units = _units_row(rows)
     width = len(headers)
     while width and not headers[width - 1] and _is_blank(_rows(lines, start, delimiter, file), width - 1):
@@ -158,6 +162,28 @@ def _parse(
             column.append(cells)
         numbers.append(np.array([n for n, _ in block], dtype=np.int64))
     return Cells(file, sha256, headers, header_line, np.concatenate(numbers), columns, commas)
+
+
+def _merged(
+    lines: list[str], start: int, delimiter: str, is_header: Callable[[str], bool], spans: Spans, file: str
+) -> tuple[int, list[str] | None]:
+    """Where the header ends, and what it says together with a row of titles above or of names below."""
+    if delimiter == BLANKS:
+        return start, None
+    there = [i for i in range(max(start - 2, 0), min(start + 3, len(lines))) if lines[i].strip(_BLANK)]
+    above, below = [i for i in there if i < start], [i for i in there if i > start]
+    for titles, names in ((above[-1:], [start]), ([start], below[:1])):
+        if titles and names:
+            upper, lower = (_cells(lines[i], delimiter) for i in (titles[0], names[0]))
+            at = f"{file}, line {titles[0] + 1}"
+            found = merge_headers(upper, lower, is_header, spans.get(titles[0]), at)
+            if found is not None:
+                return names[0], found
+    return start, None
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=delimiter != "\t"), [])
 
 
 def _rows(lines: list[str], start: int, delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
@@ -243,14 +269,14 @@ def _find_header(
                 cells = lines[i].split()
                 if any(sign in lines[i] for sign in DELIMITERS) or not all(map(is_header, cells)):
                     continue
-            cells = next(
-                csv.reader(io.StringIO(lines[i]), delimiter=delimiter, skipinitialspace=delimiter != "\t")
-            )
+            cells = _cells(lines[i], delimiter)
             if any(NUMBER.fullmatch(cell.strip()) for cell in cells):
                 continue
             score = sum(map(is_header, cells))
             if score and (best is None or (score, len(cells)) > best[:2]):
                 best = (score, len(cells), i, delimiter)
+    if best is None:
+        best = _names_below_titles(lines, filled[:_HEADER_WITHIN], is_header, file, delimiters)
     if best is not None:
         # One column alone: any delimiter but the comma, which may then be a decimal one.
         return best[2], best[3] if best[1] > 1 else ";"
@@ -262,6 +288,29 @@ def _find_header(
             "of the columns into its first line, without '#': for example gamma_deg, beta."
         )
     return filled[0], delimiter
+
+
+def _names_below_titles(
+    lines: list[str],
+    filled: list[int],
+    is_header: Callable[[str], bool],
+    file: str,
+    delimiters: Sequence[str],
+) -> tuple[int, int, int, str] | None:
+    """The header of names that mean something together with the titles above them alone."""
+    for above, below in itertools.pairwise(filled):
+        for delimiter in delimiters:
+            if (
+                delimiter == BLANKS
+                or len(lines[above]) > _LONGEST_HEADER
+                or len(lines[below]) > _LONGEST_HEADER
+            ):
+                continue
+            cells = _cells(lines[below], delimiter)
+            at = f"{file}, line {above + 1}"
+            if merge_headers(_cells(lines[above], delimiter), cells, is_header, None, at) is not None:
+                return 1, len(cells), below, delimiter
+    return None
 
 
 def _refuse_long_cells(lines: list[str], start: int, delimiter: str, file: str) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.file_options import conventions_of
 from ifrfit.data.selection import rows_with_sigma
 from ifrfit.data.stream.files import NotStreamableError, is_stream
 from ifrfit.data.stream.impact_stream import ImpactStream
@@ -460,12 +461,18 @@ def gather(
     for part in tables:
         if not is_table(part):
             refuse_other(part)
+    files = [part for part in parts if isinstance(part, str | Path)]
     found = []
     for part in parts:
         if isinstance(part, Observations):
             found.append(part)
         elif isinstance(part, str | Path):
-            found.append(resolve(part, convention=convention, inertia_factor=inertia_factor))
+            said = (
+                convention
+                if isinstance(convention, str | Mapping)
+                else conventions_of(part, files, convention)
+            )
+            found.append(resolve(part, convention=said, inertia_factor=inertia_factor))
         else:
             named = part if len(tables) == 1 else {f"table {len(found) + 1}": part}
             j = SOLID if inertia_factor is None else inertia_factor

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 
 import numpy as np
 import pytest
 from refusals import refused
-from sheet_files import ods, xlsx
+from sheet_files import ods, xls, xlsb, xlsx
 
 from ifrfit.errors import DataError, UsageError
 
 ROWS = [["gamma_deg", "beta", "sigma_beta"], [10, 0.5, 0.01], [40, 0.1, 0.01], [70.25, -0.7, ""]]
 VALUES = [[10.0, 0.5], [40.0, 0.1], [70.25, -0.7]]
-WRITERS = {"xlsx": xlsx, "ods": ods}
+WRITERS = {"xlsx": xlsx, "ods": ods, "xlsb": xlsb, "xls": xls}
 
 
 def values(found):
@@ -78,6 +79,43 @@ def test_damaged_and_hostile_spreadsheets(read):
             read(raw)
     with refused(DataError, "reaches over 1,048,576 rows and 16,384 columns"):
         read(_with_far_cell(book))
+
+
+def test_a_binary_sheet_with_a_far_cell_is_refused(read):
+    far = [*ROWS, *([] for _ in range(30_000)), [*[""] * 400, 1.0]]
+    with refused(DataError, "sheet1.bin: reaches over 30,005 rows and 401 columns. Delete what lies far off"):
+        read(xlsb({"impacts": far}), name="x.xlsb")
+
+
+def test_an_old_sheet_with_a_far_cell_is_refused(read):
+    book = xls({"impacts": ROWS})
+    far = book.replace(struct.pack("<HHH", 3, 1, 0), struct.pack("<HHH", 65_000, 250, 0))
+    assert far != book
+    with refused(DataError, "x.xls: reaches over 65,001 rows and 251 columns. Delete what lies far off"):
+        read(far, name="x.xls")
+
+
+@pytest.mark.parametrize("write", [xls, xlsb])
+def test_damaged_binary_sheets_are_read_or_refused(read, write):
+    """Cut anywhere, or with bytes turned over: a table, or one sentence."""
+    book = write({"impacts": ROWS})
+    rng = np.random.default_rng(1)
+    for cut in range(8, len(book), max(len(book) // 60, 1)):
+        _read_or_refused(read, book[:cut])
+    for _ in range(100):
+        wrong = bytearray(book)
+        for place in rng.integers(4, len(book), 3):
+            wrong[place] ^= int(rng.integers(1, 256))
+        _read_or_refused(read, bytes(wrong))
+
+
+def _read_or_refused(read, raw):
+    said = ""
+    try:
+        read(raw)
+    except DataError as error:
+        said = str(error)
+    assert "\n" not in said
 
 
 def test_rows_that_repeat_a_million_times_are_refused(read):

@@ -30,6 +30,21 @@ class FigureAxes:
 
 
 @dataclass(frozen=True)
+class Bar:
+    """Ends of error bars, one for each point.
+
+    Attributes
+    ----------
+    name : str
+    points : (n, 2) float array
+        Pixels; nan where a point has none.
+    """
+
+    name: str
+    points: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class PointSet:
     """Points that were read off one pair of axes.
 
@@ -43,12 +58,15 @@ class PointSet:
         Pixels; values where the axes have no calibration.
     notes : tuple of str
         What of the dataset was left out, and why.
+    bars : tuple of Bar
+        Ends of error bars, as far as the file ties them to the points.
     """
 
     name: str
     axes: str
     points: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    bars: tuple[Bar, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import hashlib
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from ifrfit.data.column_names import UNITS, Role, named_role, role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.figures.calibration import Calibration
 from ifrfit.data.figures.digitised_figure import DigitisedFigure, FigureAxes, PointSet
+from ifrfit.data.figures.error_bars import BarErrors, bar_errors, curves_of_ends, with_curves_of_ends
 from ifrfit.data.figures.importers import importer_of
 from ifrfit.data.figures.question import ONE_PIXEL, FigureQuestion
 from ifrfit.data.tabular import read_bytes
@@ -82,6 +84,8 @@ def _table(
     figure: DigitisedFigure, question: FigureQuestion, conventions: Conventions, file: str, sha256: str
 ) -> Cells:
     axes = _axes(figure, question, file)
+    if axes.calibrate is not None:
+        figure = replace(figure, sets=_with_ends(figure.sets, question, file))
     sets = _sets(figure, axes, question, file)
     names = _series(sets, question, Path(file).stem)
     angle, measured = _angle(question.x, conventions), _measured(question.y, conventions)
@@ -92,7 +96,7 @@ def _table(
     columns: dict[str, CellColumn] = {
         "series": [name for name, each in zip(names, sets, strict=True) for _ in each.points]
     }
-    notes = [note for each in sets for note in each.notes]
+    notes = [note for each in sets for note in (*each.notes, *_left_out(each, question))]
     name = Path(file).name
     if calibration is None:
         if question.pixels is not None:
@@ -107,10 +111,12 @@ def _table(
         values = calibration.values(points)
         _refuse_infinite(values, names, sets, file)
         errors = calibration.reading_errors(points, pixels)
+        by_bars = _bars(sets, calibration, question, file)
         values[:, 0], moved = _within_quadrant(values[:, 0], errors[:, 0], angle)
         columns |= {question.x: values[:, 0], question.y: values[:, 1]}
-        columns |= _errors(question, angle, measured, values, errors)
-        notes += _notes(calibration, points, pixels, question, name)
+        both = errors if by_bars is None else np.hypot(errors, np.nan_to_num(by_bars.sizes))
+        columns |= _errors(question, angle, measured, values, both)
+        notes += _notes(calibration, points, pixels, question, name, by_bars)
         if moved:
             angles = "1 angle lay" if moved == 1 else f"{moved} angles lay"
             notes.append(
@@ -129,6 +135,35 @@ def _table(
         word="point",
         notes=tuple(notes),
     )
+
+
+def _with_ends(sets: Sequence[PointSet], question: FigureQuestion, file: str) -> tuple[PointSet, ...]:
+    """The point sets, with curves that are ends of bars of others as a part of these where bars are asked for."""
+    if question.bars is not None:
+        pixels = ONE_PIXEL if question.pixels is None else question.pixels
+        return tuple(with_curves_of_ends(sets, pixels, file))
+    for end, of in curves_of_ends(sets).items():
+        if end in question.datasets or not question.datasets:
+            raise DataError(
+                f"{file}: {show(end)} is by its name the end of error bars of {show(of)}, not measured beside it. "
+                f"Say what half a bar is, as --bars sigma, or leave it out, --dataset {_quoted(of)}."
+            )
+    return tuple(sets)
+
+
+def _bars(
+    sets: Sequence[PointSet], calibration: Calibration, question: FigureQuestion, file: str
+) -> BarErrors | None:
+    """What bars make of the errors, where it was said what they are."""
+    if question.bars is None:
+        return None
+    if not any(each.bars for each in sets):
+        of = sets[0].name or "NAME"
+        raise UsageError(
+            f"--bars: {file} has no ends of bars, as points of groups beside the first, or as curves called "
+            f"'{of} upper' and '{of} lower'. Read them off, or leave it away."
+        )
+    return bar_errors(sets, calibration, question.bars, Path(file).name)
 
 
 def _axes(figure: DigitisedFigure, question: FigureQuestion, file: str) -> FigureAxes:
@@ -163,6 +198,18 @@ def _calibrates(axes: FigureAxes) -> bool:
 
 def _quoted(name: str) -> str:
     return name if name.replace("_", "").replace("-", "").isalnum() else f"'{name}'"
+
+
+def _left_out(points: PointSet, question: FigureQuestion) -> list[str]:
+    """What is said of ends of bars that nobody asked for."""
+    if question.bars is not None or not points.bars:
+        return []
+    count = sum(int((~np.isnan(bar.points).all(axis=1)).sum()) for bar in points.bars)
+    return [
+        f"{count} points of the groups {', '.join(bar.name for bar in points.bars)} of dataset {show(points.name)} were "
+        "left out: they mark bars, and the file does not say whether these are one standard error. If they are, say "
+        "--bars sigma; --bars 2sigma and --bars 95% are others"
+    ]
 
 
 def _names(names: Sequence[str], what: str) -> str:
@@ -257,16 +304,39 @@ def _within_quadrant(values: FloatArray, errors: FloatArray, angle: Role) -> tup
 
 
 def _notes(
-    calibration: Calibration, points: FloatArray, pixels: float, question: FigureQuestion, name: str
+    calibration: Calibration,
+    points: FloatArray,
+    pixels: float,
+    question: FigureQuestion,
+    name: str,
+    by_bars: BarErrors | None,
 ) -> list[str]:
     common = np.linalg.norm(calibration.common_errors(points, pixels), axis=2).max(axis=0)
     clicks = "1 pixel" if pixels == 1.0 else f"{pixels:g} pixels"
-    return [
+    alone = (
         f"{name}: sigma is the error of reading alone, a click of {clicks}; how the experiment scattered is not "
-        "part of it (--noise scaled, --noise unknown)",
+        "part of it (--noise scaled, --noise unknown)"
+    )
+    return [
+        *([alone] if by_bars is None else _notes_of_bars(by_bars, question, clicks, name)),
         f"{name}: readings of one figure share the error of its calibration: at most {common[0]:.2g} in "
         f"{question.x} and {common[1]:.2g} in {question.y}, which is not part of sigma",
     ]
+
+
+def _notes_of_bars(by_bars: BarErrors, question: FigureQuestion, clicks: str, name: str) -> list[str]:
+    is_there = ~np.isnan(by_bars.sizes)
+    along = [f"{count} along {of}" for count, of in zip(is_there.sum(axis=0), (question.x, question.y), strict=True) if count]
+    errors = "1 standard error" if question.bars == 1.0 else f"{question.bars:.4g} standard errors"
+    lacking = int((~is_there.any(axis=1)).sum())
+    notes = [
+        f"{name}: sigma is of bars ({' and '.join(along)}; half a bar is {errors}) together with the error of reading, a "
+        f"click of {clicks}"
+    ]
+    if lacking:
+        points = "1 point has" if lacking == 1 else f"{lacking} points have"
+        notes.append(f"{name}: {points} no bar; sigma there is the error of reading alone")
+    return [*notes, *by_bars.notes]
 
 
 def _refuse_infinite(

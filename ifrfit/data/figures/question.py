@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ifrfit.data.figures.error_bars import standard_errors
 from ifrfit.errors import UsageError
 
 ONE_PIXEL = 1.0
-KEYS = ("x", "y", "axes", "dataset", "series", "pixels")  # as conventions have them
+KEYS = ("x", "y", "axes", "dataset", "series", "pixels", "bars")  # as conventions have them
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class FigureQuestion:
         Names of the series, for each dataset in turn; one alone is that of all. Empty: as the datasets.
     pixels : float or None
         Standard error of a click in each direction; None: one pixel.
+    bars : float or None
+        How many standard errors half an error bar is; None: nothing is said of bars.
     """
 
     x: str
@@ -37,6 +40,7 @@ class FigureQuestion:
     datasets: tuple[str, ...] = ()
     series: tuple[str, ...] = ()
     pixels: float | None = None
+    bars: float | None = None
 
     def require_axes(self) -> None:
         """Refuse a question that does not say what both axes are.
@@ -60,18 +64,20 @@ def figure_question(
     datasets: Sequence[str] = (),
     series: Sequence[str] = (),
     pixels: float | str | None = None,
+    bars: float | str | None = None,
 ) -> FigureQuestion | None:
     """The question that options make; None where none is given.
 
     Raises
     ------
     UsageError
-        ``pixels`` is no positive number.
+        ``pixels`` is no positive number, or ``bars`` nothing known.
     """
-    if x is None and y is None and axes is None and not datasets and not series and pixels is None:
+    given = (x, y, axes, pixels, bars)
+    if all(each is None for each in given) and not datasets and not series:
         return None
     return FigureQuestion(
-        (x or "").strip(), (y or "").strip(), axes, tuple(datasets), tuple(series), _positive(pixels)
+        (x or "").strip(), (y or "").strip(), axes, tuple(datasets), tuple(series), _positive(pixels), standard_errors(bars)
     )
 
 

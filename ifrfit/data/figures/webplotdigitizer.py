@@ -14,7 +14,7 @@ import numpy as np
 
 from ifrfit.data.cell_table import show
 from ifrfit.data.figures.calibration import Calibration, CalibrationError, from_axis_clicks
-from ifrfit.data.figures.digitised_figure import DigitisedFigure, FigureAxes, FileImporter, PointSet, points_of
+from ifrfit.data.figures.digitised_figure import Bar, DigitisedFigure, FigureAxes, FileImporter, PointSet, points_of
 from ifrfit.data.figures.located_json import Located, read_json
 from ifrfit.data.figures.project_archive import is_tar, project_of_tar
 from ifrfit.errors import DataError
@@ -156,22 +156,40 @@ def _axis_value(given: Located) -> float:
 
 
 def _point_set(given: Located, axes: str) -> PointSet:
-    """The points of a dataset; of a dataset with groups those of the first, the others are its error bars."""
+    """The points of a dataset; of one with groups those of the first, the others are ends of their bars.
+
+    Points of one bar have one number ``tuple``.
+    """
     name = given["name"].text() if given.has("name") else ""
-    pairs, others = [], 0
     groups = [each.text() for each in given["groupNames"].items()] if given.has("groupNames") else []
+    pairs: list[tuple[float, float]] = []
+    rows: dict[int, int] = {}
+    ends: dict[int, list[tuple[int | None, tuple[float, float], str]]] = {}
     for each in _entries(given, "data"):
-        if groups and each.has("group") and each["group"].number() != 0:
-            others += 1
+        point = each["x"].number(), each["y"].number()
+        group = int(each["group"].number()) if groups and each.has("group") else 0
+        together = int(each["tuple"].number()) if groups and each.has("tuple") else None
+        if group:
+            ends.setdefault(group, []).append((together, point, each.at))
             continue
-        pairs.append((each["x"].number(), each["y"].number()))
+        if together is not None:
+            rows[together] = len(pairs)
+        pairs.append(point)
+    bars, lost = [], 0
+    for group, points in sorted(ends.items()):
+        placed = np.full((len(pairs), 2), np.nan)
+        for together, point, at in points:
+            if together is None or together not in rows:
+                lost += 1
+                continue
+            if not np.isnan(placed[rows[together]]).all():
+                raise DataError(f"{at}: group {group} has two points of tuple {together}. Remove one.")
+            placed[rows[together]] = point
+        bars.append(Bar(groups[group] if group < len(groups) else str(group), placed))
     notes = []
-    if others:
-        notes.append(
-            f"{others} points of the groups {', '.join(groups[1:])} of dataset {show(name)} were left out: they "
-            "mark bars, and the file does not say whether these are one standard error"
-        )
-    return PointSet(name, axes, points_of(pairs, given.at), tuple(notes))
+    if lost:
+        notes.append(f"{lost} points of dataset {show(name)} mark ends of bars that have no point, and were left out")
+    return PointSet(name, axes, points_of(pairs, given.at), tuple(notes), tuple(bars))
 
 
 def _distinct(sets: list[PointSet], project: Located) -> tuple[PointSet, ...]:

@@ -275,7 +275,11 @@ class ImpactStream:
         path = layout.cells.file
         if layout.has("observable") or layout.has("value"):
             raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
-        others = [key for key in layout.columns if key.startswith(("raw:", "sd:")) or key == "n_repeats"]
+        others = [
+            key
+            for key in layout.columns
+            if key.startswith(("raw:", "sigma:raw:", "sd:")) or key == "n_repeats"
+        ]
         if others:
             raise NotStreamableError(
                 f"{path}: {layout.header(others[0])} needs the reader that holds the table in memory; a "

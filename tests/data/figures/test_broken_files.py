@@ -134,6 +134,11 @@ CASES = {
     ),
     "one spot": (with_axes(clicked(px=(9,) * 4, py=(9,) * 4)), "lie on one spot or on one line"),
     "one line": (with_axes(clicked(px=(1, 2, 3, 4), py=(1, 2, 3, 4))), "lie on one spot or on one line"),
+    "groups of a wrong type": (changed("datasetColl", 0, "groupNames", to="Upper"), "groupNames: is 'Upper', not a list"),
+    "a group of text": (
+        as_json(version_4(dataset_coll=[dataset(groupNames=["P", "U"], data=[{"x": 1, "y": 2, "group": "U"}])])),
+        "datasetColl[0].data[0].group: is 'U', not a number",
+    ),
     "a log axis through zero": (
         with_axes({**axes(), "isLogX": True}),
         "the x axis: is logarithmic and goes from 0 to 90, through zero",

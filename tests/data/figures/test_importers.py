@@ -17,6 +17,7 @@ from project_files import (
     curve,
     dataset,
     engauge,
+    engauge_whole,
     pixel,
     version_3,
     version_4,
@@ -38,6 +39,7 @@ FILES = {
     "tar": as_tar(as_json(version_4())),
     "tar of version 3": as_tar(as_json(version_3())),
     "engauge": engauge(),
+    "engauge with all settings": engauge_whole(),
     "engauge error report": engauge(root="ErrorReport"),
 }
 
