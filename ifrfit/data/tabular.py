@@ -136,10 +136,10 @@ def _parse(
     spans: Spans | None = None,
 ) -> Cells:
     start, delimiter = _find_header(lines, is_header, file, delimiters)
-    start, merged = _merged(lines, start, delimiter, is_header, spans or {}, file)
     if delimiter == BLANKS:
         lines = [*lines[:start], *(BLANKS.join(line.split()) for line in lines[start:])]
     _refuse_long_cells(lines, start, delimiter, file)
+    start, merged = _merged(lines, start, delimiter, is_header, spans or {}, file)
     commas = delimiter != "," and any("," in line for line in lines[start + 1 :])
     rows = _rows(lines, start, delimiter, file)
     header_line, names = next(rows, (0, []))
@@ -315,7 +315,7 @@ def _names_below_titles(
 
 def _refuse_long_cells(lines: list[str], start: int, delimiter: str, file: str) -> None:
     headers = lines[start].split(delimiter)
-    for i in range(start, len(lines)):
+    for i in range(max(start - 2, 0), len(lines)):  # titles stand above the names
         if len(lines[i]) > LONGEST_CELL:
             for number, cell in enumerate(lines[i].split(delimiter)):
                 if len(cell) > LONGEST_CELL:
