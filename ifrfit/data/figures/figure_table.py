@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import CellColumn, Cells, show
-from ifrfit.data.column_names import UNITS, Role, named_role, role_of
+from ifrfit.data.column_names import UNITS, WALL_ANGLE, Role, named_role, role_of
+from ifrfit.data.common_errors import of_angle, of_value
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.figures.calibration import Calibration
 from ifrfit.data.figures.digitised_figure import DigitisedFigure, FigureAxes, PointSet
@@ -110,6 +111,7 @@ def _table(
         values[:, 0], moved = _within_quadrant(values[:, 0], errors[:, 0], angle)
         columns |= {question.x: values[:, 0], question.y: values[:, 1]}
         columns |= _errors(question, angle, measured, values, errors)
+        columns |= _common_errors(calibration, points, pixels, values, angle, conventions)
         notes += _notes(calibration, points, pixels, question, name)
         if moved:
             angles = "1 angle lay" if moved == 1 else f"{moved} angles lay"
@@ -245,6 +247,29 @@ def _errors(
     return {of_x: errors[:, 0], of_y: errors[:, 1]}
 
 
+def _common_errors(
+    calibration: Calibration,
+    points: FloatArray,
+    pixels: float,
+    values: FloatArray,
+    angle: Role,
+    conventions: Conventions,
+) -> dict[str, CellColumn]:
+    """Columns of what the clicks on the axes do to all points: y as its axis, angles from the normal."""
+    errors = calibration.independent_common_errors(points, pixels)
+    if angle.name == "tan_gamma":
+        by_x = np.degrees(1.0 / (1.0 + values[:, 0] ** 2))
+    else:
+        by_x = np.full(len(points), UNITS[angle.unit][1] if angle.unit in UNITS else 1.0)
+    if conventions.angle_from == "from-wall" or (conventions.angle_from is None and angle.name == WALL_ANGLE):
+        by_x = -by_x
+    columns: dict[str, CellColumn] = {}
+    for place in range(errors.shape[2]):
+        columns[of_value(place + 1)] = errors[:, 1, place]
+        columns[of_angle(place + 1)] = by_x * errors[:, 0, place]
+    return columns
+
+
 def _within_quadrant(values: FloatArray, errors: FloatArray, angle: Role) -> tuple[FloatArray, int]:
     """Angles that clicks put a little outside 0 to 90 degrees at the end; how many there are."""
     low, high = 0.0, math.inf
@@ -265,7 +290,8 @@ def _notes(
         f"{name}: sigma is the error of reading alone, a click of {clicks}; how the experiment scattered is not "
         "part of it (--noise scaled, --noise unknown)",
         f"{name}: readings of one figure share the error of its calibration: at most {common[0]:.2g} in "
-        f"{question.x} and {common[1]:.2g} in {question.y}, which is not part of sigma",
+        f"{question.x} and {common[1]:.2g} in {question.y}, in columns of their own (common1 and so on), which "
+        "fits take into account",
     ]
 
 
