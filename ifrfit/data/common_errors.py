@@ -8,7 +8,7 @@ that calibrate a figure move all its points, and so any covariance of values can
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,18 +55,21 @@ def numbers_in(names: Iterable[str]) -> list[int]:
     return sorted({int(match["number"]) for match in matches if match is not None})
 
 
-def loadings_of(table: pd.DataFrame) -> tuple[Array, Array, tuple[int, ...]]:
-    """What each common error does to values and angles, (n, r) each, and the numbers of those that do any.
+def loadings_of(
+    table: pd.DataFrame, numbers: Sequence[int] | None = None
+) -> tuple[Array, Array, tuple[int, ...]]:
+    """What each common error does to values and angles, (n, r) each, and its number.
 
-    Cells that are empty say that a row has no part in it.
+    Without numbers they are those of all errors that move any row. Cells that are empty say that a row has no
+    part in one.
     """
-    numbers = numbers_in(table.columns)
+    every, numbers = numbers is None, numbers_in(table.columns) if numbers is None else numbers
     value, angle = np.zeros((len(table), len(numbers))), np.zeros((len(table), len(numbers)))
     for place, number in enumerate(numbers):
         for column, into in ((of_value(number), value), (of_angle(number), angle)):
             if column in table:
                 into[:, place] = np.nan_to_num(table[column].to_numpy(dtype=float))
-    acts = (value != 0.0).any(axis=0) | (angle != 0.0).any(axis=0)
+    acts = (value != 0.0).any(axis=0) | (angle != 0.0).any(axis=0) | (not every)
     kept = tuple(number for number, does in zip(numbers, acts, strict=True) if does)
     return value[:, acts], angle[:, acts], kept
 

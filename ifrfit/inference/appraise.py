@@ -123,6 +123,8 @@ def _without_profiles(problem: Problem) -> str:
     free = int(problem.parameters.free.sum())
     if free == 0:
         return "Every constant is fixed: there is nothing to profile."
+    if problem.common is not None:
+        return "Profiles know no errors that rows have in common."
     if problem.offset is not None:
         return "Profiles do not fit an angle offset."
     if not problem.error_model.is_plain:

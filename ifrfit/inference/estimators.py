@@ -104,10 +104,12 @@ class Method(Options):
     """Base of the package's own methods: does every problem, as long as it does not say otherwise.
 
     An offset of the set angles is fitted by a method that says so, see `refuses_offset`; priors of every law
-    are known to one that says so, see `refuses_prior`.
+    are known to one that says so, see `refuses_prior`, and so are errors that rows have in common, see
+    `refuses_common_errors`.
     """
 
     fits_angle_offset: ClassVar[bool] = False
+    takes_common_errors: ClassVar[bool] = False
     takes_every_prior: ClassVar[bool] = False
 
     def refuses(self, problem: Problem) -> str:
@@ -220,6 +222,7 @@ class Exact(Method):
     """
 
     name: ClassVar[str] = "exact"
+    takes_common_errors: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "exact posterior"
@@ -286,6 +289,7 @@ class LeastSquares(Method):
     """
 
     name: ClassVar[str] = "lsq"
+    takes_common_errors: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "least squares"
     label: ClassVar[str] = "least squares"
@@ -381,6 +385,7 @@ class MCMC(Method):
     """
 
     name: ClassVar[str] = "mcmc"
+    takes_common_errors: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "Markov chain Monte Carlo"
@@ -521,6 +526,7 @@ class Automatic(Method):
     """
 
     name: ClassVar[str] = "automatic"
+    takes_common_errors: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     title: ClassVar[str] = "posterior"
     label: ClassVar[str] = "posterior"
@@ -574,6 +580,24 @@ def refuses_offset(estimator: Estimator, problem: Problem) -> str:
     if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
         return "--accuracy and --budget do not know what an angle offset costs: leave them out."
     return ""
+
+
+def refuses_common_errors(estimator: Estimator, problem: Problem) -> str:
+    """Why a method cannot count the errors that rows of a problem have in common; empty where it can.
+
+    A method of another package can if it has an attribute `takes_common_errors` that is true.
+    """
+    if problem.common is None:
+        return ""
+    from ifrfit.inference.model.common_errors import refuse, refuse_beside
+
+    if not getattr(estimator, "takes_common_errors", False):
+        return f"{refuse(f'--method {estimator.name}')} --method exact, lsq and mcmc count them."
+    if not problem.free_parameters and estimator.name != LeastSquares.name:
+        return (
+            "Every constant is fixed, and rows have errors in common: use --method lsq, or leave a constant free."
+        )
+    return refuse_beside(problem)
 
 
 def _picked(keyword: str) -> str:

@@ -18,7 +18,13 @@ from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator, refuse_crew_in_memory, refuses_offset, refuses_prior
+from ifrfit.inference.estimators import (
+    Estimator,
+    refuse_crew_in_memory,
+    refuses_common_errors,
+    refuses_offset,
+    refuses_prior,
+)
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -327,6 +333,7 @@ class Question:
             parameters,
             self.noise.policy,
             separate_noise=self.separate_noise,
+            common=self.noise.counts_common_errors,
         )
         return with_error_model(made, self.noise.error_model)
 
@@ -401,7 +408,10 @@ def fit_problem(
         As the method.
     """
     reason = (
-        refuses_prior(estimator, problem) or refuses_offset(estimator, problem) or estimator.refuses(problem)
+        refuses_prior(estimator, problem)
+        or refuses_offset(estimator, problem)
+        or refuses_common_errors(estimator, problem)
+        or estimator.refuses(problem)
     )
     if reason:
         raise UsageError(reason)

@@ -80,6 +80,8 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
         return Fact(optimum.n_same == 1, f"global optimum certified{what}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
+    elif found.common is not None:
+        proof = "the best of each place is certified where the closure allows it, the search over them is not"
     elif optimum.method.endswith(ITERATED):
         proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
     else:

@@ -48,16 +48,19 @@ class CommonErrors:
         In the unit of the value.
     gamma_deg : ndarray, (n, r)
         Degrees of the angle of incidence.
+    numbers : tuple of int
+        Of their columns.
     """
 
     value: Array
     gamma_deg: Array
+    numbers: tuple[int, ...]
 
     @classmethod
     def of(cls, table: pd.DataFrame) -> CommonErrors | None:
         """Those of a table in the common schema; None where it has none."""
         value, gamma_deg, numbers = loadings_of(table)
-        return cls(value, gamma_deg) if numbers else None
+        return cls(value, gamma_deg, numbers) if numbers else None
 
     def __len__(self) -> int:
         return int(self.value.shape[1])
@@ -69,7 +72,7 @@ class CommonErrors:
 
     def take(self, rows: Index) -> CommonErrors:
         """The same errors for some rows; one that moves none of them stays, and says nothing."""
-        return CommonErrors(self.value[rows], self.gamma_deg[rows])
+        return replace(self, value=self.value[rows], gamma_deg=self.gamma_deg[rows])
 
 
 @dataclass(frozen=True)

@@ -535,6 +535,20 @@ def group_sigma(problem: Problem, sigma: Array) -> dict[str, float]:
     return {name: problem.noise.per_measurement(sigma, rows) for name, rows in problem.groups().items()}
 
 
+def fitted_constants(problem: Problem, fit: LeastSquaresFit) -> float:
+    """How many constants the rows pay for: the trace of the matrix that takes values to their fit.
+
+    Errors that rows have in common are none of them: they have a law.
+    """
+    if fit.common is None:
+        return float(fit.gaussian.leverage.sum())
+    local, seen = fit.gaussian, fit.gaussian.seen
+    by_phi = problem.jacobian(fit.optimum.theta) @ local.to_theta / fit.sigma[:, None]
+    unit, size = whitening(fit.common.loadings, fit.sigma)
+    by_phi -= (unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2))) @ (unit.T @ by_phi)
+    return float(((by_phi @ local.vectors[:, seen] / local.singular[seen]) ** 2).sum())
+
+
 def group_dof(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Degrees of freedom that each unknown noise keeps: its rows less their leverage, (groups,)."""
     leverage = fit.gaussian.leverage

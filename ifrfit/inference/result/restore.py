@@ -60,6 +60,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
         result.asked,
         result.noise.policy,
         separate_noise=result.noise.separate,
+        common=result.noise.common_errors is not None and result.noise.common_errors.are_counted,
     )
     problem = with_error_model(problem, result.noise.error_model)
     return problem, least_squares(problem)
