@@ -19,8 +19,8 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import Data, Question, make_question
 from ifrfit.inference.keywords import FitKeywords, model_of, noise_of, split_columns
-from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.model.common_errors import refuse
+from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior.integral_layout import no_grid

@@ -107,9 +107,9 @@ class Role:
     Attributes
     ----------
     kind : str
-        ``common``, ``common_error`` (of rows, see `ifrfit.data.common_errors`), ``observable``, ``open`` (a choice is left open), ``raw``, ``angle`` (perhaps of
-        incidence), ``sigma`` or ``sd`` (of the observable `name`), ``sigma_raw``, ``magnitude``, ``ignored``
-        or ``unknown``.
+        ``common``, ``common_error`` (of rows, see `ifrfit.data.common_errors`), ``observable``, ``open`` (a
+        choice is left open), ``raw``, ``angle`` (perhaps of incidence), ``sigma`` or ``sd`` (of the
+        observable `name`), ``sigma_raw``, ``magnitude``, ``ignored`` or ``unknown``.
     name : str
         Name without unit: a key of `COMMON` or `RAW`, an observable (``delta_deg``, ``beta``) or an open
         name.

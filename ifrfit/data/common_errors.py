@@ -76,7 +76,7 @@ def loadings_of(
 
 def renumbered(table: pd.DataFrame, after: int) -> pd.DataFrame:
     """The table with its common errors numbered from `after` + 1 on: they are others than those before."""
-    names = {}
+    names: dict[str, str] = {}
     for place, number in enumerate(numbers_in(table.columns), start=after + 1):
         names |= {of_value(number): of_value(place), of_angle(number): of_angle(place)}
     return table.rename(columns=names)

@@ -128,10 +128,10 @@ class Observations:
     ----------
     table : pandas.DataFrame
         Columns `TABLE_COLUMNS`, and those of errors that rows have in common
-        (`ifrfit.data.common_errors`); one row is one observation of one observable. Angles in degrees from the wall
-        normal, spins as R omega/u in the paper's signs, speed in m/s, values in degrees where the name of the
-        observable ends in ``_deg`` and dimensionless otherwise. Missing numbers are NaN, missing strings
-        empty. What is handed out is a copy.
+        (`ifrfit.data.common_errors`); one row is one observation of one observable. Angles in
+        degrees from the wall normal, spins as R omega/u in the paper's signs, speed in m/s, values in
+        degrees where the name of the observable ends in ``_deg`` and dimensionless otherwise. Missing numbers
+        are NaN, missing strings empty. What is handed out is a copy.
     sources : tuple of Source
     notes : tuple of str
         Sentences for the user.

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.angular_momentum import check_momentum
-from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import suggest
 from ifrfit.data.schema import TINY
 from ifrfit.data.table_forms import Piece, impact_ids

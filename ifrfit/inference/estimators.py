@@ -589,14 +589,13 @@ def refuses_common_errors(estimator: Estimator, problem: Problem) -> str:
     """
     if problem.common is None:
         return ""
-    from ifrfit.inference.model.common_errors import refuse, refuse_beside
+    from ifrfit.inference.model.common_errors import refuse
+    from ifrfit.inference.model.common_likelihood import refuse_beside
 
     if not getattr(estimator, "takes_common_errors", False):
         return f"{refuse(f'--method {estimator.name}')} --method exact, lsq and mcmc count them."
     if not problem.free_parameters and estimator.name != LeastSquares.name:
-        return (
-            "Every constant is fixed, and rows have errors in common: use --method lsq, or leave a constant free."
-        )
+        return "Every constant is fixed, and rows have errors in common: use --method lsq, or leave one free."
     return refuse_beside(problem)
 
 

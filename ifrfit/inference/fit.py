@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.covariance import with_covariance
 from ifrfit.data.stream.files import NotStreamableError, is_stream
 from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.errors import UsageError
@@ -116,6 +117,9 @@ def fit(
         Take faces of the same impacts as independent all the same.
     convention : sequence or mapping
         How columns are meant, see `read`.
+    covariance : array_like, (n, n)
+        Of the n values, in the order of ``ifrfit.read(data).table`` and in their units: errors that are not
+        independent. It takes the place of sigma.
 
     Returns
     -------
@@ -245,9 +249,11 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
     try:
-        if not noise.error_model.is_plain or noise.error_model.offset is not None or selection.exclude:
+        several = selection.exclude or keywords.get("covariance") is not None
+        if not noise.error_model.is_plain or noise.error_model.offset is not None or several:
             raise NotStreamableError(
-                f"{path}: tails, errors of angles and single rows need the table in memory. Fit a part of it."
+                f"{path}: tails, errors of angles, single rows and a covariance need the table in memory. "
+                "Fit a part of it."
             )
         return ImpactStream.of(path, parse_conventions(keywords.get("convention", ())), selection, inertia)
     except NotStreamableError:
@@ -355,6 +361,10 @@ def make_question(
     """
     begin = time.perf_counter()
     observations = gather(data, keywords.get("convention", ()), model.inertia_factor)
+    covariance = keywords.get("covariance")
+    if covariance is not None:
+        noise = _known(noise)
+        observations = with_covariance(observations, covariance)
     observations = select(observations, selection_of(keywords))
     for source in observations.sources:
         left_out = "".join(f"; {count} {reason}" for reason, count in source.rows_skipped.items())
@@ -373,6 +383,25 @@ def make_question(
     )
     # noises of its own: as said, or with constants of its own
     return Question(observations, inertia_factor, noise, conditions, bool(model.separate), assumed)
+
+
+def _known(noise: Noise) -> Noise:
+    """The noise beside a covariance matrix, which says how large errors are.
+
+    Raises
+    ------
+    UsageError
+        Where the noise says so, too.
+    """
+    if noise.policy not in (None, "known"):
+        raise UsageError(
+            f"covariance says how large errors are, and --noise {noise.policy} takes it from the scatter. "
+            "Leave one of them out."
+        )
+    if noise.sigma_velocity is not None or not noise.counts_common_errors:
+        what = "--sigma-velocity" if noise.counts_common_errors else "--common-errors ignored"
+        raise UsageError(f"covariance and {what} both say what the errors are: leave one of them out.")
+    return replace(noise, policy="known")
 
 
 def _assumed(observations: Observations, inertia_factor: float, *, given: bool) -> tuple[str, ...]:

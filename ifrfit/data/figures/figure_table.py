@@ -290,8 +290,7 @@ def _notes(
         f"{name}: sigma is the error of reading alone, a click of {clicks}; how the experiment scattered is not "
         "part of it (--noise scaled, --noise unknown)",
         f"{name}: readings of one figure share the error of its calibration: at most {common[0]:.2g} in "
-        f"{question.x} and {common[1]:.2g} in {question.y}, in columns of their own (common1 and so on), which "
-        "fits take into account",
+        f"{question.x} and {common[1]:.2g} in {question.y}, in columns of their own (common1 and so on)",
     ]
 
 

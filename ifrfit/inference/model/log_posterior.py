@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.common_errors import CommonLikelihood, refuse
+from ifrfit.inference.model.common_errors import refuse
+from ifrfit.inference.model.common_likelihood import CommonLikelihood
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import At, RowLaw, at_theta

@@ -244,8 +244,8 @@ class Problem:
             )
         if self.common is not None:
             raise UsageError(
-                "Rows have errors in common. Take ifrfit.inference.model.log_posterior.Density(problem), which "
-                "integrates them out, or problem.at_common(z)."
+                "Rows have errors in common. Take ifrfit.inference.model.log_posterior.Density(problem), "
+                "which integrates them out, or problem.at_common(z)."
             )
         groups = self.noise_groups()
         if noise is None and groups:

@@ -13,7 +13,8 @@ import numpy as np
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
-from ifrfit.inference.model.common_errors import CommonErrorFit, CommonLikelihood, refuse_beside, whitening
+from ifrfit.inference.model.common_errors import CommonErrorFit, whitening
+from ifrfit.inference.model.common_likelihood import CommonLikelihood, refuse_beside
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
@@ -92,7 +93,7 @@ class LeastSquaresFit:
 
     @property
     def common_loadings(self) -> Array | None:
-        """By how much each value is off, (n, r), for one standard deviation of what all rows have in common."""
+        """By how much each value is off, (n, r), for one standard error of what rows have in common."""
         if self.common is not None:
             return self.common.loadings
         return None if self.angle_offset is None else self.angle_offset.common[:, None]
@@ -202,7 +203,7 @@ def _at_common(
     likelihood = CommonLikelihood(problem, value)
 
     def loadings(theta: Array) -> Array:
-        return likelihood.loadings(theta[None])[0]
+        return np.asarray(likelihood.loadings(theta[None])[0])
 
     if problem.error_model.is_plain:
         known = None if problem.noise.is_known else sigma
@@ -212,9 +213,7 @@ def _at_common(
     return replace(found, common=CommonErrorFit(value, loadings(found.optimum.theta)))
 
 
-def _descended(
-    problem: Problem, first: LeastSquaresFit, step: Array
-) -> tuple[LeastSquaresFit, float]:
+def _descended(problem: Problem, first: LeastSquaresFit, step: Array) -> tuple[LeastSquaresFit, float]:
     """The fit at the nearest minimum over the common errors, from none and one step on; and its objective.
 
     Where sigma is known, each step makes the objective smaller. Else steps are halved while they do not
@@ -243,9 +242,7 @@ def _descended(
         if is_known:
             share = 1.0
         assert fit.common is not None
-        step = common_step(
-            problem.at_common(value), fit.sigma, fit.optimum.theta, fit.common.loadings, value
-        )
+        step = common_step(problem.at_common(value), fit.sigma, fit.optimum.theta, fit.common.loadings, value)
         if np.linalg.norm(step) < _COMMON_CONVERGED:
             return fit, objective
     unconverged = max(fit.change, float(np.linalg.norm(step))) if not is_known else fit.change

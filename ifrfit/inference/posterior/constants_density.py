@@ -126,8 +126,9 @@ class ConstantsDensity:
     ----------
     problem : Problem
     sampled : tuple of str
-        Noise groups whose logarithms are coordinates although errors are plain. Where errors are not plain, or
-        rows have errors in common, a common factor of the noise has no closed form, and is a coordinate in any case.
+        Noise groups whose logarithms are coordinates although errors are plain. Where errors are not plain,
+        or rows have errors in common, the integral over a noise has no closed form, and it is a coordinate in
+        any case.
     """
 
     problem: Problem

@@ -399,8 +399,8 @@ def _of_common_errors(noise: NoiseSummary) -> tuple[str, ...]:
     if not common.are_counted:
         return (f"Ignored: {common.words}. Intervals are too short by what these add.",)
     return (
-        f"Counted: {common.words}, integrated out of every interval. Residuals and what is said of misfit and "
-        "outliers are those at their fitted values.",
+        f"Counted: {common.words}, integrated out of every interval. Residuals, and what is said of misfit "
+        "and outliers, are those at their fitted values.",
     )
 
 

@@ -137,7 +137,8 @@ class CommonErrorSummary:
         """How many, and where they stand."""
         many = f"{len(self.numbers)} error{'s' if len(self.numbers) > 1 else ''}"
         first, last = self.numbers[0], self.numbers[-1]
-        return f"{many} that rows have in common (column{f's common{first} to' if last > first else ''} common{last})"
+        columns = f"columns common{first} to" if last > first else "column"
+        return f"{many} that rows have in common ({columns} common{last})"
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,9 @@ def points_csv(result: FitResult) -> str:
     """The rows used as CSV in the common schema, as `ifrfit.read` takes it, without empty columns."""
     table = result.points[[*SCHEMA, *common_columns_in(result.points.columns)]]
     columns = [
-        name for name in table.columns if name in ("series", "observable", "value") or _has_content(table, name)
+        name
+        for name in table.columns
+        if name in ("series", "observable", "value") or _has_content(table, name)
     ]
     return str(table[columns].to_csv(index=False, lineterminator="\n"))
 
