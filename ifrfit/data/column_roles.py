@@ -177,13 +177,15 @@ def _of_the_observable(layout: Layout) -> None:
     Raises
     ------
     DataError
-        There is another number of observables.
+        There are several observables.
     """
     shared = [key for key in layout.columns if dimension_of(key) == "number"]
     if not shared or layout.has("observable") or layout.has("value"):
         return
     measured = [layout.columns[key] for key in layout.columns if key in OBSERVABLES]
-    if len(measured) != 1:
+    if not measured:  # velocities, or nothing: refused where these are read
+        return
+    if len(measured) > 1:
         header = layout.header(shared[0])
         raise DataError(
             f"{layout.cells.at(header=header)}: an error that rows have in common moves one value a row, and "

@@ -593,7 +593,7 @@ def refuses_common_errors(estimator: Estimator, problem: Problem) -> str:
     from ifrfit.inference.model.common_likelihood import refuse_beside
 
     if not getattr(estimator, "takes_common_errors", False):
-        return f"{refuse(f'--method {estimator.name}')} --method exact, lsq and mcmc count them."
+        return f"{refuse(f'--method {estimator.name}').in_shell} --method exact, lsq and mcmc count them."
     if not problem.free_parameters and estimator.name != LeastSquares.name:
         return "Every constant is fixed, and rows have errors in common: use --method lsq, or leave one free."
     return refuse_beside(problem)

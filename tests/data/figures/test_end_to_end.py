@@ -94,7 +94,8 @@ def test_constants_come_back_within_their_errors(tmp_path, seed):
     """Readings and calibration with errors: what the calibration adds is worked out click by click.
 
     Left out, as by a fit that takes sigma alone, it makes the intervals of this figure 3.9 (e_t) and 2.2 (mu)
-    times too short, which docs/how-to/digitise.md states. A fit that counts it has the sd of both together.
+    times too short, which docs/how-to/digitise.md states. A fit that counts it has the sd
+    of both together, or less.
     """
     rng = np.random.default_rng(seed)
     gamma = np.linspace(4.0, 86.0, 25)
@@ -123,7 +124,7 @@ def test_constants_come_back_within_their_errors(tmp_path, seed):
         assert abs(estimate.value - TRUTH[name]) < 4.0 * np.hypot(estimate.stderr, more)
         assert abs(exact.constants[name].value - TRUTH[name]) < 1e-3
         assert np.hypot(estimate.stderr, more) / estimate.stderr == pytest.approx(factor, abs=0.06)
-        # of first order here and there: clicks 0.7 pixels off change slopes, and what is known of the noise
+        # weights that know what is common are better than those of sigma alone, by 12 % of the sd of e_t here
         own = counted.constants[name]
-        assert own.stderr == pytest.approx(np.hypot(estimate.stderr, more), rel=0.06)
+        assert 0.8 < own.stderr / np.hypot(estimate.stderr, more) < 1.02
         assert abs(own.value - TRUTH[name]) < 4.0 * own.stderr
