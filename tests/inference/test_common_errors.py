@@ -175,7 +175,7 @@ def test_unknown_noise_beside_common_errors_is_that_of_a_dense_grid():
         assert exact.distribution.sd(name) == pytest.approx(sd, rel=0.06)
 
 
-def test_the_density_is_that_of_the_covariance(data=None):
+def test_the_density_is_that_of_the_covariance():
     """Woodbury against a dense normal law, with errors of angle by effective variance, at any constants."""
     data = table(seed=2, n=9, value=(0.03, 0.01), angle=(0.5, -0.3)).assign(sigma_gamma_deg=0.4)
     problem = fitted(data, noise=Noise("known", angles=AngleErrors("effective"))).problem
