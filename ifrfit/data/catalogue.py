@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 ENVIRONMENT = "IFRFIT_DATA_DIR"
 # an installed dataset has the columns of the common schema alone
 _INDEPENDENT = (
-    "errors of the points are independent: those that all share, by the clicks on the axes, are left out, so that "
-    "intervals are too short (ifrfit fit of the figure itself counts them)"
+    "errors of the points are independent: those that all share, by the clicks on the axes, are left out, so "
+    "that intervals are too short (ifrfit fit of the figure itself counts them)"
 )
 
 

@@ -28,7 +28,12 @@ from ifrfit.inference.optimize.angle_offset import (
     prior_sd_of,
     slope_by_offset,
 )
-from ifrfit.inference.optimize.generalised_least_squares import common_step
+from ifrfit.inference.optimize.generalised_least_squares import (
+    common_step,
+    local_minima,
+    outlying,
+    partitions,
+)
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
@@ -148,8 +153,9 @@ def _with_common_errors(
     """Fit under errors that rows have in common: the fit at the best of them, and what that adds to it.
 
     At given ones the question is an ordinary one, of which the optimum over the constants is certified (where
-    the closure has a certificate); over the common errors it is searched, downhill from none at all, and from
-    where each other local minimum of the constants would have them. Nothing is proven of that search.
+    the closure has a certificate). Over the common errors it is searched: downhill from none at all, and from
+    where each other local minimum of the constants would have them. The search is proven where the least of
+    every partition is known (`partitions`), sigma is known, and no angle is moved.
     """
     reason = refuse_beside(problem)
     if reason:
@@ -158,6 +164,7 @@ def _with_common_errors(
     nothing = np.zeros(len(problem.common))
     first = _at_common(problem, nothing, start, proven=proven)
     places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
+    places += [each.theta for each in local_minima(partitions(problem, first.sigma, nothing))[:_OTHER_STARTS]]
     found: list[tuple[float, LeastSquaresFit]] = []
     for theta in places:
         loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
@@ -165,20 +172,36 @@ def _with_common_errors(
         fit, objective = _descended(problem, first, step)
         if all(not _is_same(fit, other) for _, other in found):
             found.append((objective, fit))
-    found.sort(key=lambda pair: pair[0])
-    (best, fit), *others = found
+    (best, fit), *others = sorted(found, key=lambda pair: pair[0])
+    rises = [(objective - best, each.optimum.theta) for objective, each in others]
+    return replace(fit, optimum=_with_partitions(problem, fit, rises))
+
+
+def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[float, Array]]) -> Optimum:
+    """The optimum over constants and common errors, with its other minima, and its proof where there is one.
+
+    `others` are ends of the search: how far they lie higher, and theta.
+    """
+    assert problem.common is not None
     assert fit.common is not None
-    square = fit.common.square
-    minima = [(value + square, theta) for value, theta in fit.optimum.minima]
-    minima += [(fit.optimum.objective + square + value - best, each.optimum.theta) for value, each in others]
-    optimum = replace(
+    objective = fit.optimum.objective + fit.common.square
+    every = partitions(problem, fit.sigma, fit.common.value)
+    least = min((each.objective for each in every), default=0.0)
+    is_exact = problem.noise.is_known and problem.error_model.is_plain and not problem.common.turns_angles
+    gap = max(0.0, objective - least) if every and is_exact else None
+    beside = [(each.objective - least, each.theta) for each in local_minima(every)[1:]]
+    rises = sorted((*others, *beside), key=lambda pair: pair[0])
+    minima = [(objective, fit.optimum.theta)]
+    minima += [(objective + rise, theta) for rise, theta in rises if rise <= NEAR]
+    method = "at the best common errors" + ("" if gap is not None else ", which are searched")
+    return replace(
         fit.optimum,
-        objective=fit.optimum.objective + square,
-        gap=None,
-        minima=tuple(sorted(minima, key=lambda pair: pair[0])),
-        method=f"{fit.optimum.method}, at the best common errors, which are searched",
+        objective=objective,
+        gap=gap,
+        minima=tuple(minima),
+        extremes=tuple(each.theta for each in outlying(problem, every)) if every else fit.optimum.extremes,
+        method=f"{fit.optimum.method}, {method}",
     )
-    return replace(fit, optimum=optimum)
 
 
 def _is_same(one: LeastSquaresFit, other: LeastSquaresFit) -> bool:
