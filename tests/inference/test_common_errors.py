@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,8 @@ from ifrfit.data.table_text import table_text
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.generalised_least_squares import partitions
+from ifrfit.inference.optimize.least_squares import _with_partitions, least_squares
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.result.restore import question
@@ -374,10 +376,62 @@ def test_residuals_are_those_of_the_points_without_their_common_errors():
     np.testing.assert_allclose(there.residual(theta), points["residual"], atol=1e-12)
 
 
-def test_the_optimum_does_not_claim_a_proof():
-    fact = fitted(table()).facts["global_optimum"]
+def generalised_chi2(data, e_t, mu):
+    """q' C^-1 q at many constants, from the rebound formulae and a dense covariance."""
+    value, _, _ = loadings_of(data)
+    covariance = np.diag(data["sigma"].to_numpy() ** 2) + value @ value.T
+    there = ifrfit.rebound(data["gamma_deg"].to_numpy(), e_n=0.9, e_t=e_t, mu=mu, degrees=True).beta
+    q = data["value"].to_numpy() - there
+    return np.einsum("...i,ij,...j->...", q, np.linalg.inv(covariance), q)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    n=st.integers(4, 14),
+    sigma=st.sampled_from([0.01, 0.05, 0.2]),
+    high=st.sampled_from([30.0, 50.0, 85.0]),
+)
+def test_no_place_lies_below_a_certified_optimum(seed, n, sigma, high):
+    data = table(seed, n=n, high=high, sigma=sigma, value=(0.05, 0.03))
+    found = fitted(data)
+    optimum = found.least_squares.optimum
+    assert optimum.certified
+    e_t, mu = np.meshgrid(np.linspace(-1.0, -0.4, 41), np.geomspace(0.01, 2.0, 81))
+    chi2 = generalised_chi2(data, e_t[..., None], mu[..., None])
+    assert optimum.objective <= chi2.min() + 1e-9
+    theta = optimum.theta
+    own = generalised_chi2(data, np.array(theta[1:2]), np.array(theta[2:3]))
+    assert optimum.objective == pytest.approx(float(own), rel=1e-9, abs=1e-9)
+    # other minima are where the grid has them: nothing near the best is left out
+    for rise, there in ((value - optimum.objective, there) for value, there in optimum.minima[1:]):
+        at = generalised_chi2(data, np.array(there[1:2]), np.array(there[2:3]))
+        assert float(at) - optimum.objective == pytest.approx(rise, abs=1e-6)
+
+
+def test_the_proof_sees_a_place_that_is_not_the_best():
+    """The control: 0.1 above the least of all partitions there is no certificate."""
+    problem = fitted(table()).problem
+    least = min(each.objective for each in partitions(problem, problem.noise.sigma, np.zeros(1)))
+    fit = least_squares(problem)
+    assert fit.optimum.objective == pytest.approx(least, rel=1e-9)
+    worse = replace(fit, optimum=replace(fit.optimum, objective=fit.optimum.objective + 0.1))
+    assert not _with_partitions(problem, worse, []).certified
+
+
+def test_the_optimum_claims_no_proof_where_angles_are_moved():
+    fact = fitted(table(angle=(0.5,))).facts["global_optimum"]
     assert not fact.ok
     assert "the search over them is not" in fact.says
+    scaled = fitted(table(), noise="scaled").facts["global_optimum"]
+    assert not scaled.ok
+
+
+def test_a_constant_that_its_gaussian_is_too_narrow_for_has_no_value_of_least_squares():
+    """All impacts stick but perhaps the last: mu has no upper end, and no profile is there to say so."""
+    found = fitted(table(high=30.0)).constants["mu"]
+    assert found.value is None
+    assert found.reason.endswith("take --method exact")
 
 
 def test_facts_are_quiet_on_data_that_are_as_they_should_be():

@@ -60,6 +60,14 @@ def common_step(problem: Problem, sigma: Array, theta: Array, loadings: Array, v
     return np.asarray(moved[int(moves.sum()) :])
 
 
+def common_at(problem: Problem, sigma: Array, theta: Array) -> Array:
+    """The most likely common errors, (r,), at given constants, where these errors move values alone."""
+    assert problem.common is not None
+    loadings = problem.common.value / sigma[:, None]
+    information = loadings.T @ loadings + np.eye(loadings.shape[1])
+    return np.asarray(np.linalg.solve(information, loadings.T @ (problem.residual(theta) / sigma)))
+
+
 @dataclass(frozen=True)
 class Partition:
     """The best constants with the transition between two neighbours along tau.

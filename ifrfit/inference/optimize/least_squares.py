@@ -29,6 +29,7 @@ from ifrfit.inference.optimize.angle_offset import (
     slope_by_offset,
 )
 from ifrfit.inference.optimize.generalised_least_squares import (
+    common_at,
     common_step,
     local_minima,
     outlying,
@@ -153,9 +154,9 @@ def _with_common_errors(
     """Fit under errors that rows have in common: the fit at the best of them, and what that adds to it.
 
     At given ones the question is an ordinary one, of which the optimum over the constants is certified (where
-    the closure has a certificate). Over the common errors it is searched: downhill from none at all, and from
-    where each other local minimum of the constants would have them. The search is proven where the least of
-    every partition is known (`partitions`), sigma is known, and no angle is moved.
+    the closure has a certificate). Over the common errors it is proven where these move values alone, and
+    sigma and the least of every partition are known (`partitions`): the optimum is the least of all. Else it
+    is searched: downhill from none at all, and from where each other local minimum would have them.
     """
     reason = refuse_beside(problem)
     if reason:
@@ -163,10 +164,13 @@ def _with_common_errors(
     assert problem.common is not None
     nothing = np.zeros(len(problem.common))
     first = _at_common(problem, nothing, start, proven=proven)
+    known = local_minima(partitions(problem, first.sigma, nothing))[:_OTHER_STARTS]
+    if known and _has_exact_partitions(problem):
+        fit = _at_common(problem, common_at(problem, first.sigma, known[0].theta))
+        return replace(fit, optimum=_with_partitions(problem, fit, []))
     places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
-    places += [each.theta for each in local_minima(partitions(problem, first.sigma, nothing))[:_OTHER_STARTS]]
     found: list[tuple[float, LeastSquaresFit]] = []
-    for theta in places:
+    for theta in (*places, *(each.theta for each in known)):
         loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
         step = common_step(problem.at_common(nothing), first.sigma, theta, loadings, nothing)
         fit, objective = _descended(problem, first, step)
@@ -175,6 +179,12 @@ def _with_common_errors(
     (best, fit), *others = sorted(found, key=lambda pair: pair[0])
     rises = [(objective - best, each.optimum.theta) for objective, each in others]
     return replace(fit, optimum=_with_partitions(problem, fit, rises))
+
+
+def _has_exact_partitions(problem: Problem) -> bool:
+    """Whether rows are linear in the common errors, and their covariance is known."""
+    moves_values = problem.common is not None and not problem.common.turns_angles
+    return moves_values and problem.noise.is_known and problem.error_model.is_plain
 
 
 def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[float, Array]]) -> Optimum:
@@ -187,8 +197,7 @@ def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[
     objective = fit.optimum.objective + fit.common.square
     every = partitions(problem, fit.sigma, fit.common.value)
     least = min((each.objective for each in every), default=0.0)
-    is_exact = problem.noise.is_known and problem.error_model.is_plain and not problem.common.turns_angles
-    gap = max(0.0, objective - least) if every and is_exact else None
+    gap = max(0.0, objective - least) if every and _has_exact_partitions(problem) else None
     beside = [(each.objective - least, each.theta) for each in local_minima(every)[1:]]
     rises = sorted((*others, *beside), key=lambda pair: pair[0])
     minima = [(objective, fit.optimum.theta)]
