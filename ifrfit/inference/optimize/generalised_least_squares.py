@@ -2,7 +2,7 @@
 
 The sum of squares of residuals over their independent errors, plus that of the common errors over their
 standard deviations, is least at the generalised least squares of the constants: minimised over the common
-errors alone it is q' (D + B B')^-1 q of `ifrfit.inference.model.common_errors`.
+errors alone it is q' (D + B B')^-1 q of `ifrfit.inference.model.common_likelihood`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from ifrfit.inference.model.common_errors import whitening
 from ifrfit.inference.model.common_likelihood import CommonLikelihood
@@ -211,6 +210,8 @@ class _Question:
 
     def solved(self, sigma: Array, loadings: Array, about: Array, low: float, high: float) -> Partition:
         """The least objective with kappa between two values, and where it lies."""
+        from scipy.optimize import lsq_linear  # which takes long to load
+
         rows, law, own = self.problem.rows, self.law, self._constant()
         offset, slope = rows.linear_parts(self.problem.inertia_factor)
         oblique = rows.is_oblique
