@@ -49,7 +49,9 @@ _SEARCHES = 3  # over an angle offset
 _COMMON_STEPS = 60  # over common errors
 _COMMON_CONVERGED = 1e-8  # of them, in sd
 _OTHER_STARTS = 3
-_SAME_COMMON = 1e-4  # sd of common errors at two ends of a search that are one
+_COARSELY = 1e-3  # the same, where several ends of a search are compared
+_SAME_STEP = 1e-2  # of two first steps that lead the same way
+_SAME_COMMON = 1e-2  # sd of common errors at two ends of a search that are one
 _HALVINGS = 12
 _SMALLEST_SHARE, _SHRINKS = 1.0 / 16.0, 0.9  # of a step
 _REWEIGHTINGS = 60
@@ -170,14 +172,23 @@ def _with_common_errors(
         return replace(fit, optimum=_with_partitions(problem, fit, []))
     places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
     found: list[tuple[float, LeastSquaresFit]] = []
+    steps: list[Array] = []
     for theta in (*places, *(each.theta for each in known)):
         loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
         step = common_step(problem.at_common(nothing), first.sigma, theta, loadings, nothing)
-        fit, objective = _descended(problem, first, step)
+        if any(np.abs(step - other).max() < _SAME_STEP for other in steps):
+            continue
+        steps.append(step)
+        fit, objective = _descended(problem, first, step, _COARSELY)
         if all(not _is_same(fit, other) for _, other in found):
             found.append((objective, fit))
     (best, fit), *others = sorted(found, key=lambda pair: pair[0])
     rises = [(objective - best, each.optimum.theta) for objective, each in others]
+    assert fit.common is not None
+    value = fit.common.value
+    at_best = problem.at_common(value)
+    step = common_step(at_best, fit.sigma, fit.optimum.theta, fit.common.loadings, value)
+    fit, _ = _descended(problem, fit, step, _COMMON_CONVERGED)
     return replace(fit, optimum=_with_partitions(problem, fit, rises))
 
 
@@ -245,14 +256,17 @@ def _at_common(
     return replace(found, common=CommonErrorFit(value, loadings(found.optimum.theta)))
 
 
-def _descended(problem: Problem, first: LeastSquaresFit, step: Array) -> tuple[LeastSquaresFit, float]:
-    """The fit at the nearest minimum over the common errors, from none and one step on; and its objective.
+def _descended(
+    problem: Problem, first: LeastSquaresFit, step: Array, tolerance: float
+) -> tuple[LeastSquaresFit, float]:
+    """The fit at the nearest minimum over the common errors, from a fit and one step on; and its objective.
 
     Where sigma is known, each step makes the objective smaller. Else steps are halved while they do not
     shrink, and the objective is chi2 at the noise of the first fit.
     """
     is_known = problem.noise.is_known and problem.error_model.is_plain
-    value, fit = np.zeros(step.size), first
+    assert first.common is not None
+    value, fit = first.common.value, first
     objective = math.inf  # the first step leads to where another minimum may be
     near = None if problem.closure.bilinear else first.optimum.theta
     size, share = math.inf, 1.0
@@ -275,7 +289,7 @@ def _descended(problem: Problem, first: LeastSquaresFit, step: Array) -> tuple[L
             share = 1.0
         assert fit.common is not None
         step = common_step(problem.at_common(value), fit.sigma, fit.optimum.theta, fit.common.loadings, value)
-        if np.linalg.norm(step) < _COMMON_CONVERGED:
+        if np.linalg.norm(step) < tolerance:
             return fit, objective
     unconverged = max(fit.change, float(np.linalg.norm(step))) if not is_known else fit.change
     return replace(fit, change=unconverged), objective
