@@ -25,6 +25,7 @@ from ifrfit.errors import DataError, UsageError
 LARGEST_FILE = 128 * 2**20  # bytes: an archive holds the scanned page, too
 _HEAD = 512  # bytes
 _DIGITISED = "digitised"
+_LARGEST = 1e100  # of a value, and of what a click does to it: the square of a larger one is infinite
 _BEYOND = 4.0  # standard errors of a click by which an angle may lie outside 0 to 90 degrees
 
 FloatArray = NDArray[np.float64]
@@ -108,6 +109,7 @@ def _table(
         values = calibration.values(points)
         _refuse_infinite(values, names, sets, file)
         errors = calibration.reading_errors(points, pixels)
+        _refuse_boundless(calibration.common_errors(points, pixels), errors, file)
         values[:, 0], moved = _within_quadrant(values[:, 0], errors[:, 0], angle)
         columns |= {question.x: values[:, 0], question.y: values[:, 1]}
         columns |= _errors(question, angle, measured, values, errors)
@@ -294,10 +296,18 @@ def _notes(
     ]
 
 
+def _refuse_boundless(common: FloatArray, errors: FloatArray, file: str) -> None:
+    if not ((np.abs(common) < _LARGEST).all() and (errors < _LARGEST).all() and (errors > 0.0).all()):
+        raise DataError(
+            f"{file}: a click on the axes moves the values beyond all bounds, or not at all. Calibrate anew, with "
+            "ticks that are far from each other."
+        )
+
+
 def _refuse_infinite(
     values: FloatArray, names: Sequence[str], sets: Sequence[PointSet], file: str
 ) -> None:
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(values) < _LARGEST).all(axis=1))
     if len(bad):
         ends = np.cumsum([len(each.points) for each in sets])
         which = int(np.searchsorted(ends, bad[0], side="right"))
