@@ -14,7 +14,8 @@ from refusals import refused
 from scipy import special
 
 import ifrfit
-from ifrfit import AngleErrors, Bootstrap, Exact, Noise, Profile
+from ifrfit import AngleErrors, Bootstrap, Exact, Model, Noise, Profile
+from ifrfit.campaign.run import run_campaign
 from ifrfit.data.common_errors import common_columns_in, loadings_of
 from ifrfit.data.covariance import split, with_covariance
 from ifrfit.data.table_text import table_text
@@ -602,3 +603,15 @@ def test_a_covariance_is_of_rows_before_they_are_selected():
 def test_an_error_that_is_not_finite_is_refused():
     with pytest.raises(DataError, match="is infinite"):
         ifrfit.read(table().assign(common1=np.inf))
+
+
+def test_a_campaign_takes_groups_as_independent_and_says_so(tmp_path):
+    data = pd.concat([table(seed).assign(run=str(seed)) for seed in range(2)], ignore_index=True)
+    path = tmp_path / "runs.csv"
+    data.to_csv(path, index=False)
+    for choice, failed in (("counted", True), ("ignored", False)):
+        noise = Noise("known", common_errors=choice)
+        found, _ = run_campaign(
+            [path], ["run"], tmp_path / choice, lambda _: [], model=Model(fix=E_N), noise=noise
+        )
+        assert all(("which tie groups" in row["failure"]) is failed for row in found.rows)
