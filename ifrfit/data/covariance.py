@@ -40,6 +40,8 @@ def with_covariance(observations: Observations, covariance: Any) -> Observations
     UsageError
         For what is no covariance matrix of these values, and where the table says something else.
     """
+    import pandas as pd
+
     table = observations.table
     matrix = _checked(covariance, len(table))
     _refuse_other_sigma(matrix, table["sigma"].to_numpy(dtype=float))
@@ -51,7 +53,7 @@ def with_covariance(observations: Observations, covariance: Any) -> Observations
         )
     variance, loadings = split(matrix)
     columns = {of_value(number): column for number, column in enumerate(loadings.T, start=1)}
-    table = table.assign(sigma=np.sqrt(variance), **columns)
+    table = pd.concat([table.assign(sigma=np.sqrt(variance)), pd.DataFrame(columns, table.index)], axis=1)
     count = loadings.shape[1]
     note = (
         f"covariance of {len(table)} values: their sigma is its independent part, the rest "

@@ -124,7 +124,9 @@ def partitions(problem: Problem, sigma: Array, about: Array) -> list[Partition]:
         if loadings is None or problem.common is None or problem.common.turns_angles:
             between = question.theta_between(*kappa)
             loadings = likelihood.loadings(between[None])[0]
-        found.append(question.solved(sigma, loadings, about, *kappa))
+            unit, size = whitening(loadings, sigma)
+            whitener = unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2)), unit
+        found.append(question.solved(sigma, loadings @ about, whitener, *kappa))
     return found
 
 
@@ -208,8 +210,14 @@ class _Question:
             found[self.problem.parameters.positions[name]] = values.get(name, c)
         return found
 
-    def solved(self, sigma: Array, loadings: Array, about: Array, low: float, high: float) -> Partition:
-        """The least objective with kappa between two values, and where it lies."""
+    def solved(
+        self, sigma: Array, moved: Array, whitener: tuple[Array, Array], low: float, high: float
+    ) -> Partition:
+        """The least objective with kappa between two values, and where it lies.
+
+        Values are `moved` by the common errors so far, (n,). Of the whitener (S, P) 1 - S P' is the
+        inverse root of the covariance of rows over sigma.
+        """
         from scipy.optimize import lsq_linear  # which takes long to load
 
         rows, law, own = self.problem.rows, self.law, self._constant()
@@ -232,10 +240,9 @@ class _Question:
             columns.append(column)
             ends.append((parameter.lower, parameter.upper))
             names.append(parameter.name)
-        unit, size = whitening(loadings, sigma)
-        shrunk = unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        shrunk, unit = whitener
         matrix = np.column_stack(columns) / sigma[:, None]
-        right = (rows.value - fixed + loadings @ about) / sigma
+        right = (rows.value - fixed + moved) / sigma
         matrix, right = matrix - shrunk @ (unit.T @ matrix), right - shrunk @ (unit.T @ right)
         matrix, right = self._with_priors(names, matrix, right)
         lower, upper = np.array(ends).T
