@@ -410,6 +410,40 @@ def test_no_place_lies_below_a_certified_optimum(seed, n, sigma, high):
         assert float(at) - optimum.objective == pytest.approx(rise, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("choices", "certified"),
+    [
+        ({}, True),
+        ({"closure": "ifr-contact"}, True),
+        ({"closure": "f"}, True),
+        ({"prior": {"e_n": (0.9, 0.02)}}, True),
+        ({"fix": E_N, "prior": {"mu": (0.15, 0.01), "e_t": (-0.8, 0.05)}}, True),
+        ({"closure": "fr"}, False),  # its transition depends on both of its constants
+        ({"fix": {"mu": 0.15}}, False),
+    ],
+)
+def test_what_is_certified_beside_e_n_and_priors(choices, certified):
+    """The objective is that of the dense covariance, and no place about it lies lower."""
+    rng = np.random.default_rng(8)
+    of_e_n = {"observable": "e_n", "gamma_deg": np.linspace(10.0, 60.0, 10), "sigma": 0.01, "common1": 0.005}
+    of_e_n["value"] = 0.9 + 0.01 * rng.standard_normal(10)
+    data = pd.concat([table(), pd.DataFrame(of_e_n)], ignore_index=True)
+    found = ifrfit.fit(data, method="lsq", noise="known", **choices)
+    problem, optimum = found.problem, found.least_squares.optimum
+    assert optimum.certified is certified
+    inverse = np.linalg.inv(np.diag(problem.noise.sigma**2) + problem.common.value @ problem.common.value.T)
+    free = problem.parameters.free
+    low, high = problem.parameters.bounds()
+    theta = np.tile(optimum.theta, (3000, 1))
+    scatter = 1.0 + 10.0 ** rng.uniform(-4.0, -0.5, (3000, 1)) * rng.standard_normal((3000, free.sum()))
+    theta[1:, free] = np.clip(theta[:, free] * scatter, low[free], np.minimum(high[free], 3.0))[1:]
+    q = problem.residual(theta)
+    prior = np.array([np.sum(problem.parameters.prior_residuals(one) ** 2) for one in theta])
+    objective = np.einsum("mi,ij,mj->m", q, inverse, q) + prior
+    assert optimum.objective == pytest.approx(objective[0], rel=1e-11)
+    assert (objective >= optimum.objective - 1e-9 * optimum.objective).all()
+
+
 def test_the_proof_sees_a_place_that_is_not_the_best():
     """The control: 0.1 above the least of all partitions there is no certificate."""
     problem = fitted(table()).problem
