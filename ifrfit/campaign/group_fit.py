@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ifrfit.data import Observations, combine
+from ifrfit.data.common_errors import loadings_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.groups import Group, GroupedFiles
 from ifrfit.data.readers import NothingMeasuredError, observe
@@ -60,7 +61,8 @@ class GroupQuestion:
         Raises
         ------
         DataError
-            As `ifrfit.data.readers.observe`, and where its files could not be read whole.
+            As `ifrfit.data.readers.observe`, where its files could not be read whole, and where rows have
+            errors in common.
         """
         if group.trouble:
             raise DataError(group.trouble)
@@ -76,7 +78,15 @@ class GroupQuestion:
                 found.append(own)
         if nothing is not None and not found:
             raise nothing
-        return combine(found)
+        whole = combine(found)
+        _, _, shared = loadings_of(whole.table)
+        if shared and self.noise.counts_common_errors:
+            raise DataError(
+                f"Rows have errors in common (column common{shared[0]} and so on), which tie groups, and "
+                "a campaign takes groups as independent. Fit the file as one with --separate, or leave these "
+                "errors out of account with --common-errors ignored."
+            )
+        return whole
 
 
 def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row:

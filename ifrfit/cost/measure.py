@@ -19,6 +19,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import Data, Question, make_question
 from ifrfit.inference.keywords import FitKeywords, model_of, noise_of, split_columns
+from ifrfit.inference.model.common_errors import refuse
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
@@ -59,6 +60,8 @@ def beginning(
         As `ifrfit.fit`.
     """
     problem = question.problem(get_closure(model.closure), model.parameters(question.inertia_factor))
+    if problem.common is not None:
+        raise refuse("ifrfit cost")
     if problem.offset is not None:
         raise UsageError("ifrfit cost measures no fit of an angle offset: leave --angle-offset out.")
     reason = no_grid(problem) if posterior else ""

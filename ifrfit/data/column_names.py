@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.physics.observables import OBSERVABLES
 
 # unit -> dimension, factor to the unit of the schema (deg, m, m/s, rad/s)
@@ -111,9 +112,9 @@ class Role:
     Attributes
     ----------
     kind : str
-        ``common``, ``observable``, ``open`` (a choice is left open), ``raw``, ``angle`` (perhaps of
-        incidence), ``sigma`` or ``sd`` (of the observable `name`), ``sigma_raw``, ``magnitude``, ``ignored``
-        or ``unknown``.
+        ``common``, ``common_error`` (of rows, see `ifrfit.data.common_errors`), ``observable``, ``open`` (a
+        choice is left open), ``raw``, ``angle`` (perhaps of incidence), ``sigma`` or ``sd`` (of the
+        observable `name`), ``sigma_raw``, ``magnitude``, ``ignored`` or ``unknown``.
     name : str
         Name without unit: a key of `COMMON` or `RAW`, an observable (``delta_deg``, ``beta``) or an open
         name.
@@ -193,6 +194,9 @@ def _untimed(name: str, unit: str | None) -> Iterator[Role]:
         yield Role("raw", "v_n" if name == "v_n" else "v_x", "speed", unit)
     if name in COMMON:
         yield Role("common", name, COMMON[name], unit)
+    shared = dimension_of(name)
+    if shared is not None:
+        yield Role("common_error", name, shared, unit)
     observable = _observable_name(name)
     if observable:
         dimension = "angle" if OBSERVABLES[observable].unit == "deg" else "number"

@@ -22,6 +22,7 @@ from ifrfit.data.column_names import (
     uncertainty_of,
     units_of,
 )
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions, suggest
 from ifrfit.data.tracks.track_headers import looks_like_tracks
 from ifrfit.errors import DataError, UsageError
@@ -63,6 +64,9 @@ def identify(cells: Cells, conventions: Conventions) -> Layout:
         if _is_angle(role):
             _check_unit(role, cells.at(header=header))
             angles.append(Column(index, header, role.name, role.dimension, role.unit))
+        elif role.kind == "common_error":
+            _check_unit(role, cells.at(header=header))
+            _add(layout, Column(index, header, role.name, role.dimension, role.unit))
         elif role.kind == "observable" and long:
             raise DataError(
                 f"{cells.at(header=header)}: the table also has the columns of a long table (observable, "
@@ -73,6 +77,7 @@ def identify(cells: Cells, conventions: Conventions) -> Layout:
     choose_angle(layout, angles)
     _raw_uncertainties(layout)
     _inherit_units(layout)
+    _of_the_observable(layout)
     _note_conventions(layout, {role.name for role in roles.values()})
     return layout
 
@@ -210,6 +215,33 @@ def _inherit_units(layout: Layout) -> None:
                 to_degrees(layout.cells.numbers(partner.index), partner, layout.cells)
                 unit = "deg"
             layout.columns[key] = replace(column, unit=unit)
+
+
+def _of_the_observable(layout: Layout) -> None:
+    """Take a common error in a wide table in unit and sign of the one observable that it moves.
+
+    Raises
+    ------
+    DataError
+        There are several observables.
+    """
+    shared = [key for key in layout.columns if dimension_of(key) == "number"]
+    if not shared or layout.has("observable") or layout.has("value"):
+        return
+    measured = [layout.columns[key] for key in layout.columns if key in OBSERVABLES]
+    if not measured:  # velocities, or nothing: refused where these are read
+        return
+    if len(measured) > 1:
+        header = layout.header(shared[0])
+        raise DataError(
+            f"{layout.cells.at(header=header)}: an error that rows have in common moves one value a row, and "
+            f"a row here has {len(measured)}. Give a long table, with columns observable and value."
+        )
+    for key in shared:
+        own = layout.columns[key]
+        layout.columns[key] = replace(
+            own, dimension=measured[0].dimension, unit=measured[0].unit, sign=measured[0].sign
+        )
 
 
 def _inherit_percent(layout: Layout) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit.data.angular_momentum import MomentumCheck
+from ifrfit.data.common_errors import common_columns_in, numbers_in, renumbered
 from ifrfit.data.schema import NUMBER_COLUMNS, TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import UsageError
 from ifrfit.text import joined
@@ -126,10 +127,11 @@ class Observations:
     Attributes
     ----------
     table : pandas.DataFrame
-        Columns `TABLE_COLUMNS`; one row is one observation of one observable. Angles in degrees from the wall
-        normal, spins as R omega/u in the paper's signs, speed in m/s, values in degrees where the name of the
-        observable ends in ``_deg`` and dimensionless otherwise. Missing numbers are NaN, missing strings
-        empty. What is handed out is a copy.
+        Columns `TABLE_COLUMNS`, and those of errors that rows have in common
+        (`ifrfit.data.common_errors`); one row is one observation of one observable. Angles in
+        degrees from the wall normal, spins as R omega/u in the paper's signs, speed in m/s, values in
+        degrees where the name of the observable ends in ``_deg`` and dimensionless otherwise. Missing numbers
+        are NaN, missing strings empty. What is handed out is a copy.
     sources : tuple of Source
     notes : tuple of str
         Sentences for the user.
@@ -213,7 +215,7 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
     Parameters
     ----------
     columns : mapping of str to array_like or scalar
-        Equal lengths; scalars are repeated. ``value`` must be an array.
+        Equal lengths; scalars are repeated. ``value`` must be an array. Columns of common errors stay.
 
     Returns
     -------
@@ -235,6 +237,8 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
             full[name] = np.arange(1, n + 1)
         else:
             full[name] = "" if name in TEXT_COLUMNS else np.full(n, np.nan)
+    shared = common_columns_in(columns)
+    full |= {name: np.nan_to_num(np.asarray(columns[name], dtype=float)) for name in shared}
     table = pd.DataFrame(full, index=pd.RangeIndex(n))
     for name in NUMBER_COLUMNS:
         table[name] = table[name].astype(float)
@@ -245,6 +249,8 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
 
 def combine(parts: Sequence[Observations]) -> Observations:
     """Put several observations into one; impacts of different sources stay apart, series of one name do not.
+
+    Errors that rows of a source have in common are others than those of another source.
 
     Parameters
     ----------
@@ -270,8 +276,10 @@ def combine(parts: Sequence[Observations]) -> Observations:
     sources: list[Source] = []
     notes: list[str] = []
     momentum: list[MomentumCheck] = []
+    taken = 0
     for part in parts:
-        table, checks = part.table, part.momentum
+        table, checks = renumbered(part.table, taken), part.momentum
+        taken += len(numbers_in(table.columns))
         for source in part.sources:
             _refuse_duplicate(source, sources)
             name = _free_name(source.name, {s.name for s in sources})
@@ -284,6 +292,8 @@ def combine(parts: Sequence[Observations]) -> Observations:
         notes.extend(n for n in part.notes if n not in notes)
         momentum.extend(checks)
     table = pd.concat(tables, ignore_index=True)
+    shared = common_columns_in(table.columns)
+    table[shared] = table[shared].fillna(0.0)
     return Observations(table, tuple(sources), tuple(notes), tuple(momentum))
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ifrfit.data.angular_momentum import check_momentum
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import suggest
 from ifrfit.data.schema import TINY
 from ifrfit.data.table_forms import Piece, impact_ids
@@ -165,6 +166,15 @@ def is_raw(layout: Layout) -> bool:
     return any(key.startswith("raw:") for key in layout.columns)
 
 
+def _refuse_common_errors(layout: Layout) -> None:
+    for key, column in layout.columns.items():
+        if dimension_of(key) is not None:
+            raise DataError(
+                f"{layout.cells.at(header=column.header)}: errors that rows have in common are those of "
+                "observables, and here are velocities and spins. Give observables, in a long table."
+            )
+
+
 def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
     """Return the measured velocities and spins after each impact, per incoming speed.
 
@@ -184,6 +194,7 @@ def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
     """
     _check_columns(layout)
     _check_magnitudes(layout)
+    _refuse_common_errors(layout)
     rows = np.arange(len(layout.cells))
     incoming = read_incoming(layout)
     radius = _radius(layout)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import closest, role_of
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import OPEN_QUESTIONS, suggest
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array
@@ -65,6 +66,12 @@ def common_columns(layout: Layout) -> tuple[dict[str, Any], dict[str, str]]:
         columns[name] = np.zeros(len(spin)) if np.isnan(spin).all() else spin
         columns[f"sigma_{name}"] = layout.numbers(f"sigma_{name}")
     headers = {name: layout.header(name) for name in (*columns, "value", "sigma")}
+    for key in layout.columns:
+        dimension = dimension_of(key)
+        if dimension is not None:
+            name = f"{key}_deg" if dimension == "angle" else key
+            # an empty cell: the row has no part in it
+            columns[name], headers[name] = np.nan_to_num(layout.numbers(key)), layout.header(key)
     headers["gamma_deg"] = layout.header("gamma", layout.header("tan_gamma", "gamma_deg"))
     headers["sigma_gamma_deg"] = layout.header("sigma_gamma", "sigma_gamma_deg")
     headers["speed_m_s"] = layout.header("speed", "speed_m_s")
@@ -167,6 +174,7 @@ def read_long(layout: Layout) -> list[Piece]:
             )
         names[here], factors[here] = name, factor
     sigma, headers["sigma"] = uncertainty(layout, "sigma", "sd")
+    columns |= {key: columns[key] * factors for key in columns if dimension_of(key) == "number"}
     columns |= {
         "observable": names,
         "value": layout.numbers("value") * factors,

@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Sequence
 from pathlib import Path
 
+from ifrfit.data.common_errors import common_columns_in
 from ifrfit.data.notes_in_text import note_lines
 from ifrfit.data.observations import Observations
 from ifrfit.data.schema import SCHEMA
@@ -27,7 +28,7 @@ def table_text(observations: Observations, comments: Sequence[str] = ()) -> str:
     table = observations.table
     filled = [
         name
-        for name in SCHEMA
+        for name in (*SCHEMA, *common_columns_in(table.columns))
         if name in table
         and not (table[name].isna() | (table[name].astype(str) == "")).all()
         and not (name in ("spin_x", "spin_y") and (table[name] == 0.0).all())

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells, show
 from ifrfit.data.column_layout import Layout
+from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.data.table_forms import Piece
 from ifrfit.errors import DataError
@@ -141,6 +142,14 @@ def _ranges(columns: Mapping[str, Any]) -> Iterator[tuple[str, Mask, str]]:
             name,
             (spread < 0) | ((spread > 0) & (spread < low)) | (spread > most),
             f"{{}} cannot be a standard uncertainty (0, or {low:g} to {most:g}). Correct it.",
+        )
+    for name in common_columns_in(columns):
+        most = LARGEST_ANGLE if name.endswith("_deg") else high
+        yield (
+            name,
+            np.abs(columns[name]) > most,
+            f"{{}} is more than one standard error can do here ({-most:g} to {most:g}). Correct it, or leave "
+            "the cell empty for a row that has no part in this error.",
         )
 
 

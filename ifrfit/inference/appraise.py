@@ -125,6 +125,8 @@ def _without_profiles(problem: Problem) -> str:
         return "Every constant is fixed: there is nothing to profile."
     if problem.parameters.is_tied:
         return "Profiles do not know constants that are tied."
+    if problem.common is not None:
+        return "Profiles know no errors that rows have in common."
     if problem.offset is not None:
         return "Profiles do not fit an angle offset."
     if not problem.error_model.is_plain:

@@ -104,10 +104,12 @@ class Method(Options):
     """Base of the package's own methods: does every problem, as long as it does not say otherwise.
 
     An offset of the set angles is fitted by a method that says so, see `refuses_offset`; priors of every law
-    are known to one that says so, see `refuses_prior`, and ties between constants, see `refuses_tie`.
+    are known to one that says so, see `refuses_prior`; so are ties between constants, see `refuses_tie`, and
+    errors that rows have in common, see `refuses_common_errors`.
     """
 
     fits_angle_offset: ClassVar[bool] = False
+    takes_common_errors: ClassVar[bool] = False
     takes_every_prior: ClassVar[bool] = False
     takes_ties: ClassVar[bool] = False
 
@@ -221,6 +223,7 @@ class Exact(Method):
     """
 
     name: ClassVar[str] = "exact"
+    takes_common_errors: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "exact posterior"
@@ -287,6 +290,7 @@ class LeastSquares(Method):
     """
 
     name: ClassVar[str] = "lsq"
+    takes_common_errors: ClassVar[bool] = True
     takes_ties: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "least squares"
@@ -383,6 +387,7 @@ class MCMC(Method):
     """
 
     name: ClassVar[str] = "mcmc"
+    takes_common_errors: ClassVar[bool] = True
     takes_ties: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     fits_angle_offset: ClassVar[bool] = True
@@ -524,6 +529,7 @@ class Automatic(Method):
     """
 
     name: ClassVar[str] = "automatic"
+    takes_common_errors: ClassVar[bool] = True
     takes_every_prior: ClassVar[bool] = True
     title: ClassVar[str] = "posterior"
     label: ClassVar[str] = "posterior"
@@ -580,6 +586,11 @@ def refuses_tie(estimator: Estimator, problem: Problem) -> str:
     if not problem.error_model.is_plain or problem.offset is not None:
         option = problem.error_model.option if problem.offset is None else "--angle-offset"
         return f"{said} is known beside independent Gaussian errors of the values only: leave {option} out."
+    if problem.common is not None:
+        return (
+            f"{said} is known beside independent Gaussian errors of the values only: leave it out, or say "
+            "--common-errors ignored."
+        )
     return ""
 
 
@@ -596,6 +607,23 @@ def refuses_offset(estimator: Estimator, problem: Problem) -> str:
     if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
         return "--accuracy and --budget do not know what an angle offset costs: leave them out."
     return ""
+
+
+def refuses_common_errors(estimator: Estimator, problem: Problem) -> str:
+    """Why a method cannot count the errors that rows of a problem have in common; empty where it can.
+
+    A method of another package can if it has an attribute `takes_common_errors` that is true.
+    """
+    if problem.common is None:
+        return ""
+    from ifrfit.inference.model.common_errors import refuse
+    from ifrfit.inference.model.common_likelihood import refuse_beside
+
+    if not getattr(estimator, "takes_common_errors", False):
+        return f"{refuse(f'--method {estimator.name}').in_shell} --method exact, lsq and mcmc count them."
+    if not problem.free_parameters and estimator.name != LeastSquares.name:
+        return "Every constant is fixed, and rows have errors in common: use --method lsq, or leave one free."
+    return refuse_beside(problem)
 
 
 def _picked(keyword: str) -> str:

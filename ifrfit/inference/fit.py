@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from ifrfit.data import Observations, combine, read, resolve, select
 from ifrfit.data.catalogue import dataset_names
 from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.covariance import with_covariance
 from ifrfit.data.file_options import conventions_of
 from ifrfit.data.selection import rows_with_sigma
 from ifrfit.data.stream.files import NotStreamableError, is_stream
@@ -24,6 +25,7 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.estimators import (
     Estimator,
     refuse_crew_in_memory,
+    refuses_common_errors,
     refuses_offset,
     refuses_prior,
     refuses_tie,
@@ -119,6 +121,9 @@ def fit(
         Take faces of the same impacts as independent all the same.
     convention : sequence or mapping
         How columns are meant, see `read`.
+    covariance : array_like, (n, n)
+        Of the n values, in the order of ``ifrfit.read(data).table`` and in their units: errors that are not
+        independent. It takes the place of sigma.
 
     Returns
     -------
@@ -254,6 +259,7 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     try:
         in_memory = noise.error_model.beyond_plain
         in_memory += ("single rows by --exclude",) if selection.exclude else ()
+        in_memory += ("a covariance",) if keywords.get("covariance") is not None else ()
         if in_memory:
             raise NotStreamableError(
                 f"{path}: {joined(in_memory)} need the table in memory, and a folder or a compressed file is "
@@ -344,6 +350,7 @@ class Question:
             parameters,
             self.noise.policy,
             separate_noise=self.separate_noise,
+            common=self.noise.counts_common_errors,
         )
         return with_error_model(made, self.noise.error_model)
 
@@ -365,6 +372,10 @@ def make_question(
     """
     begin = time.perf_counter()
     observations = gather(data, keywords.get("convention", ()), model.inertia_factor)
+    covariance = keywords.get("covariance")
+    if covariance is not None:
+        noise = _known(noise)
+        observations = with_covariance(observations, covariance)
     observations = select(observations, selection_of(keywords))
     for source in observations.sources:
         left_out = "".join(f"; {count} {reason}" for reason, count in source.rows_skipped.items())
@@ -386,6 +397,25 @@ def make_question(
     )
     # noises of its own: as said, or with constants of its own
     return Question(observations, inertia_factor, noise, conditions, bool(model.separate), assumed)
+
+
+def _known(noise: Noise) -> Noise:
+    """The noise beside a covariance matrix, which says how large errors are.
+
+    Raises
+    ------
+    UsageError
+        Where the noise says so, too.
+    """
+    if noise.policy not in (None, "known"):
+        raise UsageError(
+            f"covariance says how large errors are, and --noise {noise.policy} takes it from the scatter. "
+            "Leave one of them out."
+        )
+    if noise.sigma_velocity is not None or not noise.counts_common_errors:
+        what = "--sigma-velocity" if noise.counts_common_errors else "--common-errors ignored"
+        raise UsageError(f"covariance and {what} both say what the errors are: leave one of them out.")
+    return replace(noise, policy="known")
 
 
 def _assumed(observations: Observations, inertia_factor: float, *, given: bool) -> tuple[str, ...]:
@@ -424,6 +454,7 @@ def fit_problem(
         refuses_prior(estimator, problem)
         or refuses_offset(estimator, problem)
         or refuses_tie(estimator, problem)
+        or refuses_common_errors(estimator, problem)
         or estimator.refuses(problem)
     )
     if reason:

@@ -73,6 +73,8 @@ class ColumnKeywords(TypedDict, total=False):
 class QuestionKeywords(DataKeywords, ConstantKeywords, ColumnKeywords, total=False):
     """Keywords of `compare`."""
 
+    covariance: ArrayLike | None
+
 
 class FitKeywords(QuestionKeywords, total=False):
     """Keywords of `fit` and of `measure_costs`."""

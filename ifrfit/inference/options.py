@@ -214,6 +214,9 @@ class Model(Options):
         return named | {"separate": tuple(name for name in named["separate"] if name != NOISE)}
 
 
+COMMON_ERRORS = ("counted", "ignored")
+
+
 @dataclass(frozen=True, repr=False)
 class AngleErrors(Options):
     """Errors of the angles and spins before impact.
@@ -297,6 +300,9 @@ class Noise(Options):
     sigma_velocity, sigma_spin : float or None
         Standard uncertainties of measured velocities and of R Omega after impact, per incoming speed: every
         row's sigma is propagated from them.
+    common_errors : {"counted", "ignored"}
+        Whether errors that rows of a table have in common (its columns common1 and so on, as those of the
+        calibration of a figure) are part of the errors; ignored, intervals are too short.
 
     Raises
     ------
@@ -339,11 +345,19 @@ class Noise(Options):
     sigma_spin: float | None = option(
         None, "and from that of R Omega, over incoming speed.", form="number", metavar="S"
     )
+    common_errors: str = option(
+        "counted",
+        "Errors that rows share (common1, ...): counted or ignored.",
+        metavar="CHOICE",
+        choices=lambda: COMMON_ERRORS,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.policy is not None and self.policy not in POLICIES:
             raise UsageError(f"--noise {self.policy}: choose known, scaled, unknown or mixed.")
+        if self.common_errors not in COMMON_ERRORS:
+            raise UsageError(f"--common-errors {self.common_errors}: choose {' or '.join(COMMON_ERRORS)}.")
         _ = self.error_model  # which checks
 
     @property
@@ -365,6 +379,11 @@ class Noise(Options):
     def is_plain(self) -> bool:
         """Whether errors are independent, Gaussian, and of the values alone."""
         return self.error_model.is_plain
+
+    @property
+    def counts_common_errors(self) -> bool:
+        """Whether errors that rows have in common are part of the errors."""
+        return self.common_errors == COMMON_ERRORS[0]
 
     def with_gaussian_values(self) -> Noise:
         """The same with independent Gaussian errors of the values; those propagated from velocities stay."""

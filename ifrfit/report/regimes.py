@@ -7,10 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ifrfit.data.common_errors import loadings_of
 from ifrfit.inference.model.entry_names import name_in
 from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.result.types import CommonErrorSummary, Estimate
 from ifrfit.physics import CLOSURES, OBSERVABLES, transition_angles, transition_tau
 from ifrfit.report.modes import at_shown_mode, modes_of
 from ifrfit.report.sentences import by_series, plus_minus, span_text
@@ -67,11 +70,28 @@ def _of_observables(rows: pd.DataFrame, has: Callable[[str], bool]) -> pd.Series
 
 
 def at_true_angles(result: FitResult) -> FitResult:
-    """The result with its points at the angles of incidence that it found; the set ones without an offset."""
+    """The result with its points at the angles of incidence, and without the common errors, that it found."""
+    common = result.noise.common_errors
+    if common is not None and common.are_counted and len(result.points):
+        return _without_common_errors(result, common)
     offset = result.noise.angle_offset
     if offset is None or offset.value is None:
         return result
     return replace(result, points=result.points.assign(gamma_deg=result.points["gamma_deg"] + offset.value))
+
+
+def _without_common_errors(result: FitResult, common: CommonErrorSummary) -> FitResult:
+    """The points less what fitted errors that they have in common did to values and angles."""
+    fitted = np.array(common.fitted)
+    value, gamma_deg, _ = loadings_of(result.points, common.numbers)
+    by_angle, by_value = gamma_deg @ fitted, value @ fitted
+    points = result.points
+    moved = {
+        "gamma_deg": (points["gamma_deg"] - by_angle).clip(0.0, 90.0),
+        "value": points["value"] - by_value,
+        "fitted": points["fitted"] - by_value,
+    }
+    return replace(result, points=points.assign(**moved))
 
 
 def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:

@@ -46,6 +46,7 @@ VALUES = {
     "angle_offset": (1.0, Noise(angles=AngleErrors(offset_sd=1.0))),
     "sigma_velocity": (0.02, Noise(sigma_velocity=0.02)),
     "sigma_spin": (0.03, Noise(sigma_velocity=0.02, sigma_spin=0.03)),
+    "common_errors": ("ignored", Noise(common_errors="ignored")),
     "accuracy": (1e-2, Exact(accuracy=1e-2)),
     "budget": ("2s", Exact(budget="2s")),
     "integrator": ("sampling", Exact(integrator="sampling")),

@@ -188,6 +188,21 @@ class Calibration:
             found.append(pixels * slope[:, None] * by_click.reshape(len(points), -1))
         return np.stack(found, axis=1)
 
+    def independent_common_errors(self, points: FloatArray, pixels: float) -> FloatArray:
+        """The same covariance by as few independent errors as it has, shape (m, 2, r).
+
+        Each coordinate of a point is linear in the three numbers that clicks fix of it: r is at most six, or
+        four where axes do not turn, and at most 2m. The largest comes first, its largest part positive.
+        """
+        errors = self.common_errors(points, pixels)
+        reading = self.reading_errors(points, pixels)[:, :, None]
+        whitened = (errors / reading).reshape(2 * len(points), -1)
+        left, size, _ = np.linalg.svd(whitened, full_matrices=False)
+        kept = size > _SINGULAR * size[0]
+        found = left[:, kept] * size[kept]
+        found *= np.sign(found[np.abs(found).argmax(axis=0), np.arange(found.shape[1])])
+        return np.asarray(found.reshape(len(points), 2, -1) * reading)
+
 
 def from_axis_clicks(
     clicks: FloatArray,

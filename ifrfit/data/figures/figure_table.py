@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import CellColumn, Cells, show
-from ifrfit.data.column_names import UNITS, Role, named_role, role_of
+from ifrfit.data.column_names import UNITS, WALL_ANGLE, Role, named_role, role_of
+from ifrfit.data.common_errors import of_angle, of_value
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.figures.calibration import Calibration
 from ifrfit.data.figures.digitised_figure import DigitisedFigure, FigureAxes, PointSet
@@ -26,6 +27,7 @@ from ifrfit.errors import DataError, UsageError
 LARGEST_FILE = 128 * 2**20  # bytes: an archive holds the scanned page, too
 _HEAD = 512  # bytes
 _DIGITISED = "digitised"
+_LARGEST = 1e100  # of a value, and of what a click does to it: the square of a larger one is infinite
 _BEYOND = 4.0  # standard errors of a click by which an angle may lie outside 0 to 90 degrees
 
 FloatArray = NDArray[np.float64]
@@ -111,11 +113,13 @@ def _table(
         values = calibration.values(points)
         _refuse_infinite(values, names, sets, file)
         errors = calibration.reading_errors(points, pixels)
+        _refuse_boundless(calibration.common_errors(points, pixels), errors, file)
         by_bars = _bars(sets, calibration, question, file)
         values[:, 0], moved = _within_quadrant(values[:, 0], errors[:, 0], angle)
         columns |= {question.x: values[:, 0], question.y: values[:, 1]}
         both = errors if by_bars is None else np.hypot(errors, np.nan_to_num(by_bars.sizes))
         columns |= _errors(question, angle, measured, values, both)
+        columns |= _common_errors(calibration, points, pixels, values, angle, conventions)
         notes += _notes(calibration, points, pixels, question, name, by_bars)
         if moved:
             angles = "1 angle lay" if moved == 1 else f"{moved} angles lay"
@@ -292,6 +296,29 @@ def _errors(
     return {of_x: errors[:, 0], of_y: errors[:, 1]}
 
 
+def _common_errors(
+    calibration: Calibration,
+    points: FloatArray,
+    pixels: float,
+    values: FloatArray,
+    angle: Role,
+    conventions: Conventions,
+) -> dict[str, CellColumn]:
+    """Columns of what the clicks on the axes do to all points: y as its axis, angles from the normal."""
+    errors = calibration.independent_common_errors(points, pixels)
+    if angle.name == "tan_gamma":
+        by_x = np.degrees(1.0 / (1.0 + values[:, 0] ** 2))
+    else:
+        by_x = np.full(len(points), UNITS[angle.unit][1] if angle.unit in UNITS else 1.0)
+    if conventions.angle_from == "from-wall" or (conventions.angle_from is None and angle.name == WALL_ANGLE):
+        by_x = -by_x
+    columns: dict[str, CellColumn] = {}
+    for place in range(errors.shape[2]):
+        columns[of_value(place + 1)] = errors[:, 1, place]
+        columns[of_angle(place + 1)] = by_x * errors[:, 0, place]
+    return columns
+
+
 def _within_quadrant(values: FloatArray, errors: FloatArray, angle: Role) -> tuple[FloatArray, int]:
     """Angles that clicks put a little outside 0 to 90 degrees at the end; how many there are."""
     low, high = 0.0, math.inf
@@ -320,7 +347,7 @@ def _notes(
     return [
         *([alone] if by_bars is None else _notes_of_bars(by_bars, question, clicks, name)),
         f"{name}: readings of one figure share the error of its calibration: at most {common[0]:.2g} in "
-        f"{question.x} and {common[1]:.2g} in {question.y}, which is not part of sigma",
+        f"{question.x} and {common[1]:.2g} in {question.y}, in columns of their own (common1 and so on)",
     ]
 
 
@@ -339,10 +366,18 @@ def _notes_of_bars(by_bars: BarErrors, question: FigureQuestion, clicks: str, na
     return [*notes, *by_bars.notes]
 
 
+def _refuse_boundless(common: FloatArray, errors: FloatArray, file: str) -> None:
+    if not ((np.abs(common) < _LARGEST).all() and (errors < _LARGEST).all() and (errors > 0.0).all()):
+        raise DataError(
+            f"{file}: a click on the axes moves the values beyond all bounds, or not at all. Calibrate anew, with "
+            "ticks that are far from each other."
+        )
+
+
 def _refuse_infinite(
     values: FloatArray, names: Sequence[str], sets: Sequence[PointSet], file: str
 ) -> None:
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(values) < _LARGEST).all(axis=1))
     if len(bad):
         ends = np.cumsum([len(each.points) for each in sets])
         which = int(np.searchsorted(ends, bad[0], side="right"))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
+from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
@@ -275,6 +276,12 @@ class ImpactStream:
         path = layout.cells.file
         if layout.has("observable") or layout.has("value"):
             raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
+        shared = next((key for key in layout.columns if dimension_of(key) is not None), None)
+        if shared is not None:
+            raise NotStreamableError(
+                f"{path}: {layout.header(shared)}: errors that rows have in common need the table in memory. "
+                "Fit a part of it."
+            )
         others = [
             key
             for key in layout.columns

@@ -297,9 +297,12 @@ def _weighed(
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
+    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
+    if loo and problems[0].common is not None:
+        loo = False
+        notes += ("Rows have errors in common, which tie impacts to one another: none is left out by turns.",)
     found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
     notes += without
-    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)

@@ -184,6 +184,8 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     rows, left_out = psi_rows(problem)
     if any(c.separate for c in problem.parameters):
         return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
+    if problem.common is not None:
+        return PsiPlane("it knows no errors that rows have in common", left_out=left_out)
     if problem.offset is not None:
         return PsiPlane("the angles have another offset under each closure", left_out=left_out)
     if not problem.error_model.is_plain:

@@ -16,7 +16,7 @@ from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, fitted_constants, refit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
@@ -101,12 +101,15 @@ def lack_of_fit(
 def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> tuple[float, float]:
     """Sum of squares of rows with known sigma, and its degrees of freedom: their number less leverage.
 
+    Errors that rows have in common add their own squares, as in generalised least squares.
     Where other rows share in the constants that is not quite a law of chi2, but one of smaller variance.
     """
     given = problem.noise.is_given
     square = float(residuals.standardised[given] @ residuals.standardised[given])
     leverage = float(fit.gaussian.leverage[given].sum())
     if problem.noise.is_known:
+        if fit.common is not None:  # of all rows together: exactly of the law
+            return square + fit.common.square, given.size - round(fitted_constants(problem, fit))
         return square, given.size - round(leverage)
     return square, max(int(given.sum()) - leverage, 0.0)
 

@@ -78,9 +78,12 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
         what = "" if optimum.tolerance is None else ", unknown noise included"
         what += "" if found.angle_offset is None else ", at the fitted angle offset"
+        what += "" if found.common is None else ", errors in common included"
         return Fact(optimum.n_same == 1, f"global optimum certified{what}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
+    elif found.common is not None:
+        proof = "the best of each place is certified where the closure allows it, the search over them is not"
     elif optimum.method.endswith(ITERATED):
         proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
     elif optimum.method.endswith(TIED):

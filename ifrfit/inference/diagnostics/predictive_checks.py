@@ -18,6 +18,7 @@ from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
 
+_SEED = 1  # of draws of errors that rows have in common
 _MOST = 2_000_000  # row evaluations spent on the checks
 _FEWEST = 8  # draws, however many rows there are
 _AT_ONCE = 12_000  # evaluations whose arrays stay in the cache
@@ -140,6 +141,10 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
 def _standardised(density: Density, points: Array) -> Array:
     """Residuals that are standard normal numbers if the model holds, (m, n)."""
     problem = density.problem
+    if problem.common is not None:  # at common errors drawn beside the constants
+        noise = np.exp(points[:, density.of_noise])
+        rng = np.random.default_rng(_SEED)
+        return density.with_common_errors.standardised(density.theta(points), noise, rng)
     if not problem.error_model.is_plain:
         return np.asarray(special.ndtri(np.clip(density.below(points), _TAIL, 1.0 - _TAIL)))
     residuals = problem.rows.value - density.at_offsets(points).predict(density.theta(points))

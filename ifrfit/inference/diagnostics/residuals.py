@@ -11,6 +11,7 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.quadratic_forms import Array
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.common_errors import whitening
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
@@ -73,14 +74,14 @@ def fitted_directions(problem: Problem, fit: LeastSquaresFit) -> Array:
     local = fit.gaussian
     seen = local.seen
     by_phi = problem.jacobian(fit.optimum.theta) @ local.to_theta / fit.sigma[:, None]
-    if fit.angle_offset is None:
+    loadings = fit.common_loadings
+    if loadings is None:
         return np.asarray(by_phi @ local.vectors[:, seen] / local.singular[seen])
     # an error that the rows have in common is one more constant, with a prior of 1
-    common = fit.angle_offset.common / fit.sigma
-    size = float(common @ common)
-    root = 1.0 / math.sqrt(1.0 + size)
-    rest = by_phi - np.outer(common, common @ by_phi) * (1.0 / (1.0 + size))
-    return np.column_stack((rest @ local.vectors[:, seen] / local.singular[seen], root * common))
+    unit, size = whitening(loadings, fit.sigma)
+    share = size**2 / (1.0 + size**2)
+    rest = by_phi - (unit * share) @ (unit.T @ by_phi)
+    return np.column_stack((rest @ local.vectors[:, seen] / local.singular[seen], unit * np.sqrt(share)))
 
 
 def _left_out(fitted: Array, standardised: Array, rows: Index) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.common_errors import refuse
 from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.posterior import ImportancePosterior
@@ -39,6 +40,8 @@ def to_arviz(result: Findings) -> Any:
         raise UsageError(
             f"--method {result.method} gives no posterior, which to_arviz() needs: use exact or mcmc."
         )
+    if problem.common is not None:
+        raise refuse("The log likelihood of each impact, which to_arviz() gives,")
     density = Density(problem)
     allowed = int(max(_CHAINS, _MOST // max(problem.rows.value.size, 1)))  # by the size of the log likelihood
     sample = _sample_of(result)

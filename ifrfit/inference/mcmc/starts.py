@@ -131,7 +131,9 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
     free = problem.parameters.free
     sigma = noise_at_mode(problem, theta, 0.0).sigma if found.rivals else found.sigma
-    covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)[np.ix_(free, free)]
+    common = None if found.common is None else found.common.loadings
+    gaussian = gaussian_approximation(problem, sigma, theta, common=common)
+    covariance = gaussian.covariance(capped=True)[np.ix_(free, free)]
     noise, spread = _noise(problem, sigma)
     offset = found.angle_offset
     point = np.concatenate((theta[free], noise, [] if offset is None else [offset.value]))

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.common_errors import refuse
+from ifrfit.inference.model.common_likelihood import CommonLikelihood
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import At, RowLaw, at_theta
@@ -68,10 +70,22 @@ class Density:
         """
         prior = self.log_prior(points)
         inside = np.isfinite(prior)
-        prior[inside] += (self.rows if self.problem.error_model.is_plain else self.impacts)(
-            points[inside]
-        ).sum(axis=1)
+        prior[inside] += self.log_likelihood(points[inside])
         return prior
+
+    def log_likelihood(self, points: Array) -> Array:
+        """Log likelihood of all rows together, (m,); errors that they have in common are integrated out."""
+        if self.problem.common is not None:
+            return self.with_common_errors(self.theta(points), np.exp(points[:, self.of_noise]))
+        rows = self.rows if self.problem.error_model.is_plain else self.impacts
+        return np.asarray(rows(points).sum(axis=1))
+
+    @cached_property
+    def with_common_errors(self) -> CommonLikelihood:
+        """The likelihood of rows with errors in common, about those of least squares."""
+        found = least_squares(self.problem, proven=False).common
+        assert found is not None
+        return CommonLikelihood(self.problem, found.value)
 
     def log_prior(self, points: Array) -> Array:
         """Log of the normalised prior density, (m,); -inf outside the domain."""
@@ -95,6 +109,8 @@ class Density:
 
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
+        if self.problem.common is not None:
+            raise refuse("The likelihood of single impacts")
         n = int(self.impact.max()) + 1
         if not self.problem.error_model.is_plain:
             return self._scattered(points, n)
@@ -138,6 +154,8 @@ class Density:
 
     def below(self, points: Array) -> Array:
         """Probability of a value below the measured one, row by row, (m, n)."""
+        if self.problem.common is not None:
+            raise refuse("The distribution of single rows")
         found = np.empty((points.shape[0], self.impact.size))
         for law, at in self._laws_at(points):
             found[:, law.order] = law.below(at)[:, 0]

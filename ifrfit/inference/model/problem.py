@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.model.common_errors import CommonErrors, refuse
 from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -50,6 +51,8 @@ class Problem:
     quoted_spins : tuple of (float, float) or None
         R omega/u before impact, along and across the slip, at which the transition angle of each series is
         reported; None: that of its median row.
+    common : CommonErrors or None
+        Errors that rows have in common; None where all are independent. See `at_common`.
     """
 
     rows: Rows
@@ -60,6 +63,7 @@ class Problem:
     observations: Observations = field(metadata=EXCLUDED)
     error_model: ErrorModel = PLAIN
     quoted_spins: tuple[tuple[float, float], ...] | None = field(default=None, metadata=EXCLUDED)
+    common: CommonErrors | None = None
 
     @cached_property
     def digest(self) -> str:
@@ -231,7 +235,7 @@ class Problem:
         ------
         UsageError
             If unknown noises are missing, where an angle offset is unknown as well, or errors are other than
-            independent and Gaussian: those need nodes about an optimum, as
+            independent and Gaussian, or rows have errors in common: those need nodes about an optimum, as
             `ifrfit.inference.model.log_posterior.Density` has them.
         """
         if self.error_model.offset is not None:
@@ -243,6 +247,11 @@ class Problem:
             raise UsageError(
                 f"{self.error_model.option} has no density by rows. Take "
                 "ifrfit.inference.model.log_posterior.Density(problem)."
+            )
+        if self.common is not None:
+            raise UsageError(
+                "Rows have errors in common. Take ifrfit.inference.model.log_posterior.Density(problem), "
+                "which integrates them out, or problem.at_common(z)."
             )
         groups = self.noise_groups()
         if noise is None and groups:
@@ -265,6 +274,8 @@ class Problem:
 
     def row_log_likelihood(self, theta: Array, noise: Array) -> Array:
         """Log likelihood of each row under Gaussian errors, (m, n), at theta, (m, p), and noises, (m, k)."""
+        if self.common is not None:
+            raise refuse("The likelihood of single rows")
         sigma = self.noise.sigma_at(noise, self.noise_groups().values())
         z = self.residual(theta) / sigma
         return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
@@ -358,6 +369,26 @@ class Problem:
             self, rows=self.rows.turned(degrees), error_model=replace(self.error_model, offset=None)
         )
 
+    def at_common(self, value: Array) -> Problem:
+        """The question with the errors that rows have in common known: then all others are independent.
+
+        Values and angles of incidence are those measured less what the errors did to them. No angle is taken
+        to the other side of the normal, nor below the wall.
+
+        Parameters
+        ----------
+        value : ndarray, (r,)
+            Of each common error, in its standard deviations.
+        """
+        if self.common is None:
+            return self
+        gamma = self.rows.gamma_deg
+        true = gamma - self.common.gamma_deg @ value
+        ends = np.minimum(gamma, _OBLIQUE_BY), np.maximum(gamma, 90.0 - _OBLIQUE_BY)
+        rows = self.rows.turned(np.clip(true, *ends) - gamma) if self.common.turns_angles else self.rows
+        corrected = replace(rows, value=self.rows.value - self.common.value @ value)
+        return replace(self, rows=corrected, common=None)
+
     @cached_property
     def offset(self) -> FreeParameter | None:
         """The unknown offset of the set angles, degrees, with its prior; None where there is none."""
@@ -391,6 +422,7 @@ class Problem:
             observations=replace(self.observations, table=table),
             rows=self.rows.take(rows),
             noise=self.noise.take(rows),
+            common=None if self.common is None else self.common.take(rows),
         )
 
 
@@ -402,6 +434,7 @@ def make_problem(
     noise: str | None,
     *,
     separate_noise: bool = False,
+    common: bool = True,
 ) -> Problem:
     """Turn selected observations into a problem.
 
@@ -416,6 +449,8 @@ def make_problem(
         careful policy that a dataset states, as far as sigma is given for it; mixed where none states one.
     separate_noise : bool
         Whether each series has unknown noises of its own.
+    common : bool
+        Whether errors that rows of the table have in common count; else all are independent.
 
     Raises
     ------
@@ -432,7 +467,13 @@ def make_problem(
     policy = noise_policy(observations, sigma, noise)
     model = NoiseModel(policy, sigma, separate=separate_noise)
     problem = Problem(
-        rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
+        rows,
+        closure,
+        inertia_factor,
+        ParameterSet(tuple(parameters), series),
+        model,
+        observations,
+        common=CommonErrors.of(table) if common else None,
     )
     _check_ties(problem.parameters)
     if policy == "mixed":

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF, RANK
+from ifrfit.inference.model.common_errors import whitening
 from ifrfit.inference.model.problem import Problem
 
 Array = NDArray[np.float64]
@@ -119,20 +120,17 @@ def gaussian_approximation(
     theta : ndarray
     with_priors : bool
         Count the user's priors as measurements.
-    common : ndarray, (n,), optional
-        An error that the rows have in common: they are off by it times one standard normal number. It is
-        integrated out.
+    common : ndarray, (n, r), optional
+        Errors that the rows have in common: they are off by each column times one standard normal number.
+        These are integrated out.
     """
     names, phi, to_theta, by_phi, residual = weighted_jacobian(problem, sigma, theta, with_priors=with_priors)
     n = problem.rows.value.size
     gradient = -2.0 * (by_phi.T @ residual)
-    unit = np.zeros(n) if common is None else common / sigma
-    size = float(unit @ unit)
-    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size)
-    unit = unit / np.sqrt(size) if size > 0.0 else unit
-    # (1 - shrunk u u') is the inverse root of 1 + size u u', the covariance of weighted rows
+    unit, size = whitening(np.empty((n, 0)) if common is None else common, sigma)
+    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
     by_phi = by_phi.copy()
-    by_phi[:n] -= shrunk * np.outer(unit, unit @ by_phi[:n])
+    by_phi[:n] -= (unit * shrunk) @ (unit.T @ by_phi[:n])
     free = problem.parameters.free
     scale = problem.parameters.prior_sd / np.abs(np.diag(to_theta))
     carried = _carried(problem, theta, to_theta)
@@ -146,8 +144,8 @@ def gaussian_approximation(
     vectors[:] = carried @ (scale[free, None] * right.T)
     seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
     fitted = left[:n, seen]
-    leverage = ((fitted - shrunk * np.outer(unit, unit @ fitted)) ** 2).sum(axis=1)
-    leverage += size / (1.0 + size) * unit**2
+    leverage = ((fitted - (unit * shrunk) @ (unit.T @ fitted)) ** 2).sum(axis=1)
+    leverage += unit**2 @ (size**2 / (1.0 + size**2))
     return GaussianApproximation(names, phi, to_theta, vectors, singular, gradient, leverage)
 
 
@@ -187,8 +185,12 @@ def weighted_jacobian(
     return names, phi, to_theta, jacobian @ to_theta, residual
 
 
-def first_order_move(problem: Problem, sigma: Array, theta: Array, change: Array) -> tuple[Array, Array]:
+def first_order_move(
+    problem: Problem, sigma: Array, theta: Array, change: Array, common: Array | None = None
+) -> tuple[Array, Array]:
     """By how much the optimum moves where every row's value is predicted larger by a change, (n,).
+
+    Errors that the rows have in common, (n, r), as of `gaussian_approximation`, take a part of it.
 
     Returns
     -------
@@ -202,6 +204,12 @@ def first_order_move(problem: Problem, sigma: Array, theta: Array, change: Array
     scale = (problem.parameters.prior_sd / np.abs(np.diag(to_theta)))[free]
     columns, weighted = by_phi[:, free] * scale, np.zeros(len(by_phi))
     weighted[: sigma.size] = change / sigma
+    if common is not None:
+        unit, size = whitening(common, sigma)
+        shrunk = unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        n = sigma.size
+        columns[:n] -= shrunk @ (unit.T @ columns[:n])
+        weighted[:n] -= shrunk @ (unit.T @ weighted[:n])
     share, *_ = np.linalg.lstsq(columns, weighted, rcond=RANK)
     moved = np.zeros(theta.size)
     moved[free] = -share * scale

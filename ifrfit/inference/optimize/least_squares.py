@@ -6,13 +6,15 @@ Errors that are not normal, and errors of angles, are met by iteratively reweigh
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
+from ifrfit.inference.model.common_errors import CommonErrorFit, whitening
+from ifrfit.inference.model.common_likelihood import CommonLikelihood, refuse_beside
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
@@ -26,6 +28,13 @@ from ifrfit.inference.optimize.angle_offset import (
     prior_sd_of,
     slope_by_offset,
 )
+from ifrfit.inference.optimize.generalised_least_squares import (
+    common_at,
+    common_step,
+    local_minima,
+    outlying,
+    partitions,
+)
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
@@ -38,6 +47,14 @@ _ITERATIONS = 100
 _CONVERGED = 1e-10
 _REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
+_COMMON_STEPS = 60  # over common errors
+_COMMON_CONVERGED = 1e-8  # of them, in sd
+_OTHER_STARTS = 3
+_COARSELY = 1e-3  # the same, where several ends of a search are compared
+_SAME_STEP = 1e-2  # of two first steps that lead the same way
+_SAME_COMMON = 1e-2  # sd of common errors at two ends of a search that are one
+_HALVINGS = 12
+_SMALLEST_SHARE, _SHRINKS = 1.0 / 16.0, 0.9  # of a step
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
 _SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
@@ -68,6 +85,9 @@ class LeastSquaresFit:
     angle_offset : AngleOffset or None
         Offset of the set angles at which all of this holds, where one is fitted; `gaussian` has its
         uncertainty integrated out.
+    common : CommonErrorFit or None
+        Errors that rows have in common, at which all of this holds, where there are any; `gaussian` has
+        theirs integrated out.
     """
 
     optimum: Optimum
@@ -78,6 +98,14 @@ class LeastSquaresFit:
     gaussian: GaussianApproximation
     rivals: tuple[tuple[float, Array], ...] = ()
     angle_offset: AngleOffset | None = None
+    common: CommonErrorFit | None = None
+
+    @property
+    def common_loadings(self) -> Array | None:
+        """By how much each value is off, (n, r), for one standard error of what rows have in common."""
+        if self.common is not None:
+            return self.common.loadings
+        return None if self.angle_offset is None else self.angle_offset.common[:, None]
 
     @property
     def converged(self) -> bool:
@@ -107,6 +135,8 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
     DataError
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
+    if problem.common is not None:
+        return _with_common_errors(problem, start, proven=proven)
     if problem.parameters.is_tied and not problem.noise.is_known:
         return _with_plain_errors(problem, start, searched_sigma(problem))
     if not problem.error_model.is_plain:
@@ -117,8 +147,166 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
 
 
 def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
-    """The problem at the offset of the set angles that a fit found; itself where there is none."""
+    """The problem at the offset of the set angles, and at the errors that rows have in common, of a fit."""
+    if found.common is not None:
+        return problem.at_common(found.common.value)
     return problem if found.angle_offset is None else problem.at_offset(found.angle_offset.value)
+
+
+def _with_common_errors(
+    problem: Problem, start: Array | None = None, *, proven: bool = True
+) -> LeastSquaresFit:
+    """Fit under errors that rows have in common: the fit at the best of them, and what that adds to it.
+
+    At given ones the question is an ordinary one, of which the optimum over the constants is certified (where
+    the closure has a certificate). Over the common errors it is proven where these move values alone, and
+    sigma and the least of every partition are known (`partitions`): the optimum is the least of all. Else it
+    is searched: downhill from none at all, and from where each other local minimum would have them.
+    """
+    reason = refuse_beside(problem)
+    if reason:
+        raise UsageError(reason)
+    assert problem.common is not None
+    nothing = np.zeros(len(problem.common))
+    first = _at_common(problem, nothing, start, proven=proven)
+    known = local_minima(partitions(problem, first.sigma, nothing))[:_OTHER_STARTS]
+    if known and _has_exact_partitions(problem):
+        fit = _at_common(problem, common_at(problem, first.sigma, known[0].theta))
+        return replace(fit, optimum=_with_partitions(problem, fit, []))
+    places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
+    found: list[tuple[float, LeastSquaresFit]] = []
+    steps: list[Array] = []
+    for theta in (*places, *(each.theta for each in known)):
+        loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
+        step = common_step(problem.at_common(nothing), first.sigma, theta, loadings, nothing)
+        if any(np.abs(step - other).max() < _SAME_STEP for other in steps):
+            continue
+        steps.append(step)
+        fit, objective = _descended(problem, first, step, _COARSELY)
+        if all(not _is_same(fit, other) for _, other in found):
+            found.append((objective, fit))
+    (best, fit), *others = sorted(found, key=lambda pair: pair[0])
+    rises = [(objective - best, each.optimum.theta) for objective, each in others]
+    assert fit.common is not None
+    value = fit.common.value
+    at_best = problem.at_common(value)
+    step = common_step(at_best, fit.sigma, fit.optimum.theta, fit.common.loadings, value)
+    fit, _ = _descended(problem, fit, step, _COMMON_CONVERGED)
+    return replace(fit, optimum=_with_partitions(problem, fit, rises))
+
+
+def _has_exact_partitions(problem: Problem) -> bool:
+    """Whether rows are linear in the common errors, and their covariance is known."""
+    moves_values = problem.common is not None and not problem.common.turns_angles
+    return moves_values and problem.noise.is_known and problem.error_model.is_plain
+
+
+def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[float, Array]]) -> Optimum:
+    """The optimum over constants and common errors, with its other minima, and its proof where there is one.
+
+    `others` are ends of the search: how far they lie higher, and theta.
+    """
+    assert problem.common is not None
+    assert fit.common is not None
+    objective = fit.optimum.objective + fit.common.square
+    every = partitions(problem, fit.sigma, fit.common.value)
+    least = min((each.objective for each in every), default=0.0)
+    gap = max(0.0, objective - least) if every and _has_exact_partitions(problem) else None
+    beside = [(each.objective - least, each.theta) for each in local_minima(every)[1:]]
+    rises = sorted((*others, *beside), key=lambda pair: pair[0])
+    minima = [(objective, fit.optimum.theta)]
+    minima += [(objective + rise, theta) for rise, theta in rises if rise <= NEAR]
+    method = "at the best common errors" + ("" if gap is not None else ", which are searched")
+    return replace(
+        fit.optimum,
+        objective=objective,
+        gap=gap,
+        minima=tuple(minima),
+        extremes=tuple(each.theta for each in outlying(problem, every)) if every else fit.optimum.extremes,
+        method=f"{fit.optimum.method}, {method}",
+    )
+
+
+def _is_same(one: LeastSquaresFit, other: LeastSquaresFit) -> bool:
+    assert one.common is not None
+    assert other.common is not None
+    return bool(np.abs(one.common.value - other.common.value).max() < _SAME_COMMON)
+
+
+def _at_common(
+    problem: Problem,
+    value: Array,
+    start: Array | None = None,
+    sigma: Array | None = None,
+    *,
+    proven: bool = True,
+) -> LeastSquaresFit:
+    """The fit at given common errors, their scatter integrated out of the Gaussian.
+
+    With sigma given, (n,), unknown noises are those of the mode that it is of.
+    """
+    there = problem.at_common(value)
+    likelihood = CommonLikelihood(problem, value)
+
+    def loadings(theta: Array) -> Array:
+        return np.asarray(likelihood.loadings(theta[None])[0])
+
+    if problem.error_model.is_plain:
+        known = None if problem.noise.is_known else sigma
+        found = _with_plain_errors(there, start, known, common=loadings, proven=proven)
+    else:
+        found = _iteratively_reweighted(there, common=loadings)
+    return replace(found, common=CommonErrorFit(value, loadings(found.optimum.theta)))
+
+
+def _descended(
+    problem: Problem, first: LeastSquaresFit, step: Array, tolerance: float
+) -> tuple[LeastSquaresFit, float]:
+    """The fit at the nearest minimum over the common errors, from a fit and one step on; and its objective.
+
+    Where sigma is known, each step makes the objective smaller. Else steps are halved while they do not
+    shrink, and the objective is chi2 at the noise of the first fit.
+    """
+    is_known = problem.noise.is_known and problem.error_model.is_plain
+    assert first.common is not None
+    value, fit = first.common.value, first
+    objective = math.inf  # the first step leads to where another minimum may be
+    near = None if problem.closure.bilinear else first.optimum.theta
+    size, share = math.inf, 1.0
+    for _ in range(_COMMON_STEPS):
+        if not is_known:
+            share = max(_SMALLEST_SHARE, 0.5 * share) if np.linalg.norm(step) > _SHRINKS * size else share
+        moved, other, lower = value, fit, objective
+        for _ in range(_HALVINGS):
+            moved = value + share * step
+            other = _at_common(problem, moved, near, fit.sigma)
+            lower = _objective_at(problem, other, first.sigma)
+            if not is_known or lower <= objective:
+                break
+            share *= 0.5
+        else:
+            break  # on a kink: no step leads further down
+        size = float(np.linalg.norm(step))
+        value, fit, objective = moved, other, lower
+        if is_known:
+            share = 1.0
+        assert fit.common is not None
+        step = common_step(problem.at_common(value), fit.sigma, fit.optimum.theta, fit.common.loadings, value)
+        if np.linalg.norm(step) < tolerance:
+            return fit, objective
+    unconverged = max(fit.change, float(np.linalg.norm(step))) if not is_known else fit.change
+    return replace(fit, change=unconverged), objective
+
+
+def _objective_at(problem: Problem, fit: LeastSquaresFit, sigma: Array) -> float:
+    """chi2 with priors and common errors; where sigma is not known at that of another fit."""
+    assert fit.common is not None
+    if problem.noise.is_known and problem.error_model.is_plain:
+        return fit.optimum.objective + fit.common.square
+    there = problem.at_common(fit.common.value)
+    z = there.residual(fit.optimum.theta) / sigma
+    prior = problem.parameters.prior_residuals(fit.optimum.theta)
+    return float(z @ z + prior @ prior) + fit.common.square
 
 
 def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
@@ -131,11 +319,15 @@ def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSqu
     prior_sd = prior_sd_of(problem)
     first = _with_plain_errors(problem.at_offset(min(0.0, problem.offset.upper)), start)
     modes = [first.optimum.theta, *(theta for _, theta in first.rivals)]
+
+    def by_offset(there: Problem) -> Callable[[Array], Array]:
+        return lambda theta: (prior_sd * slope_by_offset(there, theta))[:, None]
+
     for _ in range(_SEARCHES):
         minima = offset_minima(problem, modes)
         at_best = problem.at_offset(minima[0][1])
         near = None if problem.closure.bilinear else modes[0]
-        found = _with_plain_errors(at_best, near, offset_sd=prior_sd)
+        found = _with_plain_errors(at_best, near, common=by_offset(at_best))
         if problem.noise.is_known:
             break
         expected = minima[0][0] - (minima[0][1] / prior_sd) ** 2
@@ -210,18 +402,17 @@ def _with_plain_errors(
     start: Array | None = None,
     known_sigma: Array | None = None,
     *,
-    offset_sd: float | None = None,
+    common: Callable[[Array], Array] | None = None,
     proven: bool = True,
 ) -> LeastSquaresFit:
     """Fit under normal errors of the values alone; see `least_squares` and `refit`.
 
-    The Gaussian has an offset of the angles about those of the problem integrated out, where the sd of its
-    prior is given.
+    The Gaussian has what rows have in common integrated out: `common` gives the loadings at theta, (n, r).
     """
 
     def expanded(sigma: Array, theta: Array) -> GaussianApproximation:
-        common = None if offset_sd is None else offset_sd * slope_by_offset(problem, theta)
-        return gaussian_approximation(problem, sigma, theta, common=common)
+        loadings = None if common is None else common(theta)
+        return gaussian_approximation(problem, sigma, theta, common=loadings)
 
     if problem.noise.is_known:
         optimum = solve(problem, problem.noise.sigma, start, proven=known_sigma is None)
@@ -302,7 +493,9 @@ def _with_modes(optimum: Optimum, modes: NoiseModes, moved: float) -> Optimum:
     )
 
 
-def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
+def _iteratively_reweighted(
+    problem: Problem, common: Callable[[Array], Array] | None = None
+) -> LeastSquaresFit:
     """Fit with weights that follow from the fit.
 
     The weight of a row by the law of errors, `ErrorLaw.weight`, makes the fixed point the maximum of the
@@ -342,7 +535,8 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
         if change <= _WEIGHTS_CONVERGED:
             break
     wider = 1.0 / math.sqrt(law.information(nu))
-    gaussian = gaussian_approximation(plain, sigma * wider, found.optimum.theta)
+    loadings = None if common is None else common(found.optimum.theta)
+    gaussian = gaussian_approximation(plain, sigma * wider, found.optimum.theta, common=loadings)
     dof = math.inf
     if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
@@ -385,6 +579,20 @@ def _factors(
 def group_sigma(problem: Problem, sigma: Array) -> dict[str, float]:
     """Root mean square of sigma in each "series/observable", of one measurement."""
     return {name: problem.noise.per_measurement(sigma, rows) for name, rows in problem.groups().items()}
+
+
+def fitted_constants(problem: Problem, fit: LeastSquaresFit) -> float:
+    """How many constants the rows pay for: the trace of the matrix that takes values to their fit.
+
+    Errors that rows have in common are none of them: they have a law.
+    """
+    if fit.common is None:
+        return float(fit.gaussian.leverage.sum())
+    local, seen = fit.gaussian, fit.gaussian.seen
+    by_phi = problem.jacobian(fit.optimum.theta) @ local.to_theta / fit.sigma[:, None]
+    unit, size = whitening(fit.common.loadings, fit.sigma)
+    by_phi -= (unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2))) @ (unit.T @ by_phi)
+    return float(((by_phi @ local.vectors[:, seen] / local.singular[seen]) ** 2).sum())
 
 
 def group_dof(problem: Problem, fit: LeastSquaresFit) -> Array:
@@ -435,8 +643,9 @@ def information_shares(problem: Problem, fit: LeastSquaresFit, functional: Array
     if not (total > 0.0 and math.isfinite(local.variance(functional, 1.0))):
         return None
     moved = problem.jacobian(fit.optimum.theta) @ (local.to_theta @ direction) / fit.sigma
-    if fit.angle_offset is not None:  # an error that all rows share is known, by its prior
-        common = fit.angle_offset.common / fit.sigma
-        moved -= common * float(common @ moved) / (1.0 + float(common @ common))
+    loadings = fit.common_loadings
+    if loadings is not None:  # an error that all rows share is known, by its prior
+        unit, size = whitening(loadings, fit.sigma)
+        moved -= unit @ (size**2 / (1.0 + size**2) * (unit.T @ moved))
     groups = problem.noise_groups().values()
     return np.array([float(moved[rows] @ moved[rows]) for rows in groups]) / total

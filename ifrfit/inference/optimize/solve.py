@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ifrfit.inference.model.common_errors import refuse
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -55,6 +56,8 @@ def solve(
     """
     if problem.parameters.is_tied:
         return tied_search(problem, sigma, near)
+    if problem.common is not None:
+        raise refuse("The search for the optimum")
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     independent = independent_groups(problem, sigma)

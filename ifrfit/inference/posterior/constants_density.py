@@ -126,8 +126,9 @@ class ConstantsDensity:
     ----------
     problem : Problem
     sampled : tuple of str
-        Noise groups whose logarithms are coordinates although errors are plain. Where errors are not plain a
-        common factor of the noise has no closed form, and is a coordinate in any case.
+        Noise groups whose logarithms are coordinates although errors are plain. Where errors are not plain,
+        or rows have errors in common, the integral over a noise has no closed form, and it is a coordinate in
+        any case.
     """
 
     problem: Problem
@@ -155,7 +156,8 @@ class ConstantsDensity:
     @cached_property
     def sampled_noises(self) -> tuple[str, ...]:
         """Groups of noises whose logarithms are coordinates."""
-        return self.sampled if self.problem.error_model.is_plain else tuple(self.problem.noise_groups())
+        has_closed_form = self.problem.error_model.is_plain and self.problem.common is None
+        return self.sampled if has_closed_form else tuple(self.problem.noise_groups())
 
     @cached_property
     def noises(self) -> dict[str, NoiseScale]:
@@ -200,6 +202,8 @@ class ConstantsDensity:
         values : ndarray, (m, d)
             The parameters behind the coordinates.
         """
+        if self.problem.common is not None:
+            return self.scattered.log_likelihood(values), np.empty((values.shape[0], 0))
         if not self.problem.error_model.is_plain:
             parts = np.array_split(values, 1 + values.shape[0] * len(self.problem.rows) // _OF_IMPACTS)
             scattered = np.concatenate([self.scattered.impacts(part).sum(axis=1) for part in parts])
@@ -366,8 +370,8 @@ class FactorisedDensity:
 
 
 def factorises(problem: Problem) -> bool:
-    """Whether a problem has free constants of each of several series."""
+    """Whether a problem has free constants of each of several series, and no errors that tie these."""
     entries = zip(problem.parameters.names, problem.parameters.free, strict=True)
     free = {name for name, is_free in entries if is_free}
     shared = {parameter.name for parameter in problem.parameters}
-    return len(problem.series) > 1 and bool(free - shared)
+    return len(problem.series) > 1 and bool(free - shared) and problem.common is None

@@ -48,7 +48,8 @@ def fits_at_modes(problem: Problem, start: LeastSquaresFit, rise: float) -> list
     for theta in thetas[:_MOST]:
         theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
         sigma = noise_at_mode(problem, theta, 0.0).sigma if start.rivals else start.sigma
-        gaussian = gaussian_approximation(problem, sigma, theta)
+        loadings = None if start.common is None else start.common.loadings
+        gaussian = gaussian_approximation(problem, sigma, theta, common=loadings)
         found.append(
             replace(start, optimum=replace(start.optimum, theta=theta), sigma=sigma, gaussian=gaussian)
         )

@@ -62,6 +62,11 @@ class IntegralLayout:
 
 def no_grid(problem: Problem) -> str:
     """Why quadrature does not take a problem on, which importance sampling does; empty where it does."""
+    if problem.common is not None:
+        return (
+            "Rows have errors in common (columns common1 and so on), which the quadrature does not take on. "
+            "Leave --integrator out."
+        )
     shaped = [f"{one.name}={one.shape}" for one in problem.parameters if one.shape is not None]
     if shaped:
         return (

@@ -70,7 +70,7 @@ class PlainQuestion:
         # rows that stand for many have a scale of their own; errors in proportion to sigma are none of these
         if not (noise.is_known or noise.is_unknown) or (noise.scale is not None and noise.counts is None):
             return None
-        if not problem.error_model.is_plain:
+        if not problem.error_model.is_plain or problem.common is not None:
             return None
         if problem.offset is not None or any(one.separate for one in parameters):
             return None

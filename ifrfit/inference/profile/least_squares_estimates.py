@@ -25,6 +25,10 @@ from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out
 _BEYOND = 1.25
+_WITHOUT_PROFILE = (
+    "the Gaussian of least squares is too narrow for it, and its profile knows no errors that rows have in "
+    "common: take --method exact"
+)
 
 
 def estimates_of_optimum(
@@ -52,6 +56,9 @@ def estimates_of_optimum(
         local = apart <= reach or (beside_marginals and apart + reach < HALF * domain.prior_sd)
         if known.seen and local and normal.sd < HALF * domain.prior_sd:
             return estimate_of(domain, marginal_of_normal(normal), replace(known, unique=True))
+        if fit.common is not None:
+            ends = (domain.lower, domain.upper)
+            return Estimate(None, None, ends, ends, "not_determined", _WITHOUT_PROFILE)
         return _profiled(problem, fit, quantity, known)
 
     @cache

@@ -72,6 +72,9 @@ def assumed_of(
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
+    if fit.common is not None:
+        count = fit.common.value.size
+        of_errors = f"{of_errors}, but for {count} that rows have in common"
     at_wall = _camera_words(problem, fit, moved)
     elsewhere = _restitution_words(problem)
     zero = _spin_zero_words(problem, fit, moved)
@@ -265,7 +268,8 @@ def moved_by(problem: Problem, fit: LeastSquaresFit, change: Array) -> dict[str,
         By the names of theta, and kappa by that of its place in the expansion.
     """
     theta = fit.optimum.theta
-    moved, _ = first_order_move(problem, fit.sigma, theta, change)
+    common = None if fit.common is None else fit.common.loadings
+    moved, _ = first_order_move(problem, fit.sigma, theta, change, common)
     names, _, to_theta = kappa_coordinates(problem, theta)
     in_theta = to_theta @ moved
     by_name = dict(zip(names, moved.tolist(), strict=True))

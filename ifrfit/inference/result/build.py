@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from ifrfit._version import __version__
+from ifrfit.data.common_errors import loadings_of
 from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
 from ifrfit.inference.diagnostics.causes import causes_of
 from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import effect_lines
@@ -36,9 +37,10 @@ from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
+from ifrfit.inference.model.common_errors import whitening
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, fitted_constants
 from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
@@ -50,6 +52,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.state import state_of
 from ifrfit.inference.result.types import (
     Angles,
+    CommonErrorSummary,
     Constants,
     Correlation,
     Estimate,
@@ -149,16 +152,17 @@ def summarize_optimum(
 
 
 def _points(problem: Problem, optimum: LeastSquaresFit, about: OptimumSummary) -> pd.DataFrame:
-    """The rows used, with fitted values and residuals."""
+    """The rows used, with fitted values and residuals; the fitted ones are off by the errors in common."""
     import pandas as pd
 
     table, residuals = problem.observations.table, about.residuals
+    there = at_fitted_offset(problem, optimum)
     columns = {
         "sigma_used": optimum.sigma,
         "fitted": problem.rows.value - residuals.raw,
         "residual": residuals.raw,
         "standardised": residuals.studentised,
-        "tau": problem.rows.tau,
+        "tau": there.rows.tau,
         "sticking": about.sticks,
     }
     return pd.concat([table, pd.DataFrame(columns, index=table.index, copy=False)], axis=1)
@@ -220,12 +224,13 @@ def build_result(
         separate=problem.noise.has_unknown and problem.noise.separate,
         angle_offset=angle_offset_of(optimum.angle_offset, distribution) if optimum.angle_offset else None,
         given=_given(problem),
+        common_errors=_common_errors(asked, optimum),
     )
     if own is not None:
         bounds = problem.noise_bounds() if estimation.is_posterior else {}
         noise = noise_of(problem, own, noise, bounds)
     drawn = Postponed(partial(_drawn, own, seed))
-    said = (*_warnings(problem), *estimation.warnings)
+    said = (*_warnings(problem), *_of_common_errors(noise), *estimation.warnings)
 
     def state() -> State:
         kept = drawn.value if estimation.predicts else None
@@ -250,7 +255,7 @@ def build_result(
         ),
         warnings=said,
         state=cast("State", Postponed(state)),
-        points=cast("pd.DataFrame", Postponed(partial(_points, problem, optimum, about))),
+        points=cast("pd.DataFrame", Postponed(partial(_points, asked, optimum, about))),
         seed=seed,
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -424,6 +429,27 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     return (*said, *_sigma_not_used(problem))
 
 
+def _common_errors(asked: Problem, optimum: LeastSquaresFit) -> CommonErrorSummary | None:
+    """Errors that rows have in common, counted or not."""
+    if asked.common is not None and optimum.common is not None:
+        return CommonErrorSummary(asked.common.numbers, tuple(optimum.common.value.tolist()))
+    _, _, numbers = loadings_of(asked.observations.table)
+    return CommonErrorSummary(numbers) if numbers else None
+
+
+def _of_common_errors(noise: NoiseSummary) -> tuple[str, ...]:
+    """What becomes of errors that rows have in common, in a sentence."""
+    common = noise.common_errors
+    if common is None:
+        return ()
+    if not common.are_counted:
+        return (f"Ignored: {common.words}. Intervals are too short by what these add.",)
+    return (
+        f"Counted: {common.words}, integrated out of every interval. Residuals, and what is said of misfit "
+        "and outliers, are those at their fitted values.",
+    )
+
+
 def _given(problem: Problem) -> tuple[str, ...]:
     """Each "series/observable" whose sigma is taken as given while others are not."""
     if not problem.noise.is_mixed:
@@ -463,16 +489,20 @@ def statistics_of(
     """Count rows and sum up the misfit; the most likely noise goes into the likelihood."""
     r = residuals.raw
     n = r.size
-    dof = n - round(float(found.gaussian.leverage.sum()))
+    dof = n - round(fitted_constants(problem, found))
     yardstick = problem.noise.sigma if problem.noise.is_scaled else found.sigma
-    chi2 = float(((r / yardstick) ** 2).sum())
+    common = found.common
+    chi2 = float(((r / yardstick) ** 2).sum()) + (0.0 if common is None else common.square)
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
     offset = found.angle_offset
     known = problem.noise.is_known
     likely = problem.noise.sigma if known else likely_sigma(problem, found.optimum.theta)
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
-    if not problem.error_model.is_plain:
+    if common is not None:  # the law of all rows together; its most likely noise is not worked out
+        _, size = whitening(common.loadings, likely)
+        log_l -= 0.5 * common.square + 0.5 * float(np.log1p(size**2).sum())
+    if not problem.error_model.is_plain or (common is not None and not known):
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
     k = found.gaussian.rank + len(problem.noise_groups()) + (offset is not None and offset.is_determined)
     regime = problem.rows.is_oblique

@@ -177,11 +177,14 @@ class FitResult(Findings, Display):
             memory. For a scatter that profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
+        from ifrfit.inference.model.common_errors import refuse
         from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 
         problem, optimum = self.problem_and_optimum()
         if problem.parameters.is_tied:
             raise UsageError("Intervals are compared where no constants are tied: leave --intervals out.")
+        if problem.common is not None:
+            raise refuse("A comparison of intervals")
         if problem.offset is not None:
             raise UsageError("Intervals are not compared with an angle offset: leave --intervals out.")
         if not self.noise.error_model.is_plain:

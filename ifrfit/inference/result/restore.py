@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ifrfit.data import Observations
+from ifrfit.data.common_errors import common_columns_in
 from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.apply_error_model import with_error_model
@@ -50,7 +51,8 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
         raise UsageError(
             f"The result names other constants than closure {closure.title} has. Fit the data again."
         )
-    observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
+    kept = [*TABLE_COLUMNS, *common_columns_in(result.points.columns)]
+    observations = Observations(result.points[kept], result.inputs)
     problem = make_problem(
         observations,
         closure,
@@ -58,6 +60,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
         result.asked,
         result.noise.policy,
         separate_noise=result.noise.separate,
+        common=result.noise.common_errors is not None and result.noise.common_errors.are_counted,
     )
     problem = with_error_model(problem, result.noise.error_model)
     return problem, least_squares(problem)

@@ -122,6 +122,35 @@ def is_quiet(name: str, fact: Fact) -> bool:
 
 
 @dataclass(frozen=True)
+class CommonErrorSummary:
+    """Errors that rows have in common, by the columns common1 and so on of the points.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        Of the columns.
+    fitted : tuple of float
+        Each at the optimum of least squares, in its standard deviations; empty where they were ignored.
+    """
+
+    numbers: tuple[int, ...]
+    fitted: tuple[float, ...] = ()
+
+    @property
+    def are_counted(self) -> bool:
+        """Whether they were part of the errors."""
+        return bool(self.fitted)
+
+    @property
+    def words(self) -> str:
+        """How many, and where they stand."""
+        many = f"{len(self.numbers)} error{'s' if len(self.numbers) > 1 else ''}"
+        first, last = self.numbers[0], self.numbers[-1]
+        columns = f"columns common{first} to" if last > first else "column"
+        return f"{many} that rows have in common ({columns} common{last})"
+
+
+@dataclass(frozen=True)
 class NoiseSummary:
     """What sigma meant.
 
@@ -143,6 +172,8 @@ class NoiseSummary:
         Offset of the set angles, degrees, where it was fitted; its prior is in `error_model`.
     given : tuple of str
         Under policy mixed each "series/observable" whose sigma was taken as given; else empty.
+    common_errors : CommonErrorSummary or None
+        Errors that rows have in common, where there are any.
     """
 
     policy: str
@@ -153,6 +184,7 @@ class NoiseSummary:
     separate: bool = field(default=False, metadata=OPTIONAL)
     angle_offset: Estimate | None = field(default=None, metadata=OPTIONAL)
     given: tuple[str, ...] = field(default=(), metadata=OPTIONAL)
+    common_errors: CommonErrorSummary | None = field(default=None, metadata=OPTIONAL)
 
     def whose(self, *, given: bool) -> str:
         """Observables whose sigma was taken as given, or those whose noise was estimated, in words.
@@ -178,7 +210,10 @@ class Correlation:
 
 @dataclass(frozen=True)
 class FitStatistics:
-    """Counts and misfit. chi2 holds no prior terms; those are in prior_chi2. None where not defined."""
+    """Counts and misfit. chi2 holds no prior terms; those are in prior_chi2. None where not defined.
+
+    Where rows have errors in common, chi2 is that of generalised least squares.
+    """
 
     n: int
     n_sliding: int

@@ -130,8 +130,8 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
     named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
         return {}
-    common = None if fit.angle_offset is None else fit.angle_offset.common
-    bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False, common=common)
+    theta, common = fit.optimum.theta, fit.common_loadings
+    bare = gaussian_approximation(problem, fit.sigma, theta, with_priors=False, common=common)
     reason = f"rests on your prior of {' and '.join(named)}"
     informed = any(c.is_informed for c in problem.parameters if c.prior is not None)
     found = {}

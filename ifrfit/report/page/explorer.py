@@ -34,6 +34,9 @@ def reason_without_panel(result: FitResult) -> str:
         return f"The panel knows no closure {result.closure}: the picture above stands alone."
     if result.is_sampled:
         return "The panel works out chi2 of the rows that it shows, which are a sample here: there is none."
+    common = result.noise.common_errors
+    if common is not None and common.are_counted:
+        return "The panel works out chi2 of independent rows, and these have errors in common: there is none."
     names = _observables(result)
     if not any(OBSERVABLES[name].has_angle for name in names):
         return "These values do not depend on the angle: there is no curve to move."

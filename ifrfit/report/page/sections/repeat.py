@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ifrfit.data.common_errors import common_columns_in
 from ifrfit.data.schema import SCHEMA
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.model.error_model import ErrorModel
@@ -75,9 +76,11 @@ def _is_too_long(result: FitResult, written: Callable[[FitResult], str]) -> bool
 
 def points_csv(result: FitResult) -> str:
     """The rows used as CSV in the common schema, as `ifrfit.read` takes it, without empty columns."""
-    table = result.points[list(SCHEMA)]
+    table = result.points[[*SCHEMA, *common_columns_in(result.points.columns)]]
     columns = [
-        name for name in SCHEMA if name in ("series", "observable", "value") or _has_content(table, name)
+        name
+        for name in table.columns
+        if name in ("series", "observable", "value") or _has_content(table, name)
     ]
     return str(table[columns].to_csv(index=False, lineterminator="\n"))
 
