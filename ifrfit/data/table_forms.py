@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -214,7 +214,7 @@ def read_wide(layout: Layout) -> list[Piece]:
             f"{cells.file}: no column of an observable. Add one, such as beta, or the velocities before and "
             "after (u_x_m_s, u_z_m_s, v_x_m_s, v_z_m_s); 'ifrfit template' prints tables to fill in."
         )
-    _check_uncertainties(layout, names)
+    check_uncertainties(layout, names)
     columns, headers = common_columns(layout)
     if len(names) > 1:
         columns["impact_id"] = impact_ids(layout)
@@ -245,7 +245,14 @@ def impact_ids(layout: Layout) -> np.ndarray:
     )
 
 
-def _check_uncertainties(layout: Layout, names: list[str]) -> None:
+def check_uncertainties(layout: Layout, names: Sequence[str]) -> None:
+    """Refuse uncertainties of a wide table that belong to none of its observables, or to any.
+
+    Raises
+    ------
+    DataError
+        With the column and the remedy.
+    """
     for kind in ("sigma", "sd"):
         if layout.has(kind) and len(names) > 1:
             headers = ", ".join(layout.header(name) for name in names)

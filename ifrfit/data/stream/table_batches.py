@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import NOT_MEASURED, Cells
+from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
-from ifrfit.data.stream.files import NotStreamableError, is_text
+from ifrfit.data.stream.files import NotStreamableError, is_text, opened_text
 from ifrfit.data.stream.portions import Piece
 from ifrfit.errors import DataError
 
@@ -41,8 +43,8 @@ def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = Fal
         kind = column.type
         if pa.types.is_dictionary(kind):
             column, kind = column.cast(kind.value_type), kind.value_type
-        if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind):
-            columns.append(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+        if is_number(kind):
+            columns.append(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
         elif texts and (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
             columns.append([cell or "" for cell in column.to_pylist()])
         else:
@@ -50,6 +52,55 @@ def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = Fal
     has_header = is_text(path)
     lines = np.arange(first + 1 + has_header, first + 1 + has_header + batch.num_rows)
     return Cells(str(path), "", headers, 1, lines, columns, word="line" if has_header else "row")
+
+
+def is_number(kind: pa.DataType) -> bool:
+    """Whether a column holds numbers, or nothing."""
+    import pyarrow as pa
+
+    of = pa.types
+    return any(test(kind) for test in (of.is_integer, of.is_floating, of.is_decimal, of.is_null))
+
+
+def texts_of(column: pa.Array, path: Path, name: str) -> pa.Array:
+    """A column of labels as strings, which are those of `Cells.texts` but for blanks around them.
+
+    Raises
+    ------
+    DataError
+        It holds what has no text.
+    """
+    import pyarrow as pa
+
+    kind = column.type
+    try:
+        if pa.types.is_dictionary(kind):
+            column, kind = column.cast(kind.value_type), kind.value_type
+        if is_number(kind) and not pa.types.is_integer(kind):
+            encoded = column.cast(pa.float64(), safe=False).dictionary_encode()
+            values = np.array(encoded.dictionary)
+            each = Cells(str(path), "", [name], 1, np.arange(values.size), [values])
+            column = pa.array(each.texts(0), pa.string()).take(encoded.indices)
+        return column.cast(pa.string()).fill_null("")
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        raise DataError(f"{path}, column {name}: holds {kind}, not text. Convert it.") from None
+
+
+def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]) -> pa.RecordBatch:
+    """Some rows, whose columns have the types of those of all files: numbers, text, or nothing if unused."""
+    import pyarrow as pa
+
+    used = {column.index: column for column in layout.columns.values()}
+    found = []
+    for index, column in enumerate(batch.columns):
+        if index not in used:
+            found.append(pa.nulls(at.size))
+        elif used[index].dimension == "text":
+            text = column.cast(pa.string()) if pa.types.is_string_view(column.type) else column
+            found.append(texts_of(text.take(pa.array(at)), Path(layout.cells.file), used[index].header))
+        else:
+            found.append(column.take(pa.array(at)).cast(pa.float64(), safe=False))
+    return pa.RecordBatch.from_arrays(found, names=batch.schema.names)
 
 
 def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
@@ -79,9 +130,7 @@ def _csv_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
         use_threads=False, block_size=1 << 23, column_names=names if piece.first else None
     )
     with contextlib.ExitStack() as opened:
-        source: Any = piece.path
-        if not piece.is_whole:
-            source = opened.enter_context(_Lines(piece))
+        source: Any = opened.enter_context(opened_text(piece.path) if piece.is_whole else _Lines(piece))
         try:
             yield from opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options))
         except pa.ArrowInvalid as error:
@@ -100,9 +149,7 @@ def _header_of(path: Path) -> list[str]:
     NotStreamableError
         The first line is no plain header.
     """
-    import pyarrow as pa
-
-    with pa.input_stream(str(path)) as stream:
+    with opened_text(path) as stream:
         head = stream.read(1 << 16)
     text = head.decode("utf-8-sig", errors="replace")
     header = next(iter(text.splitlines()), "")
