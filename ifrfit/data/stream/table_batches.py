@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,13 +131,37 @@ def _csv_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
         use_threads=False, block_size=1 << 23, column_names=names if piece.first else None
     )
     with contextlib.ExitStack() as opened:
-        source: Any = opened.enter_context(opened_text(piece.path) if piece.is_whole else _Lines(piece))
+        file: Any = opened_text(piece.path) if piece.is_whole else piece.path.open("rb", buffering=0)
+        source = opened.enter_context(_Lines(file, piece))
         try:
-            yield from opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options))
+            for batch in opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options)):
+                if source.quotes:
+                    _refuse_line_breaks(batch, piece.path)
+                yield batch
         except pa.ArrowInvalid as error:
             # the row that it names is one of the part
             said = _ROW.sub(lambda row: f"Row #{int(row[1]) + piece.rows_before() + 1}", str(error))
             raise (error if piece.first == 0 else pa.ArrowInvalid(said)) from None
+        if source.quotes % 2:
+            # what follows an open quotation mark is dropped in silence
+            raise NotStreamableError(
+                f"{piece.path}: a quotation mark is not closed in its line. Close it, or write Parquet."
+            )
+
+
+def _refuse_line_breaks(batch: pa.RecordBatch, path: Path) -> None:
+    """Refuse cells with line breaks: the file is parted at ends of lines, and might be within such a cell."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        if pa.types.is_string(column.type) and any(
+            pc.any(pc.match_substring(column, end)).as_py() for end in ("\n", "\r")
+        ):
+            raise NotStreamableError(
+                f"{path}, column {name}: a cell holds a line break, or its quotation mark is not closed. "
+                "Write it in one line, or the table as Parquet."
+            )
 
 
 def _header_of(path: Path) -> list[str]:
@@ -164,22 +189,25 @@ def _header_of(path: Path) -> list[str]:
 
 
 class _Lines(io.RawIOBase):
-    """The lines of a piece of a text file."""
+    """The lines of a piece of a text file, and how many quotation marks were met in them."""
 
-    def __init__(self, piece: Piece) -> None:
+    def __init__(self, file: Any, piece: Piece) -> None:
         super().__init__()
-        self._file = piece.path.open("rb", buffering=0)
-        self._file.seek(piece.first)
-        self._left = piece.end - piece.first
+        self._file = file
+        self.quotes = 0
+        self._left = sys.maxsize if piece.is_whole else piece.end - piece.first
+        if piece.first:
+            file.seek(piece.first)
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        part = memoryview(buffer)[: self._left]
-        count = self._file.readinto(part) if self._left else 0
-        self._left -= count
-        return count
+        part = self._file.read(min(len(buffer), self._left)) if self._left else b""
+        buffer[: len(part)] = part
+        self.quotes += part.count(b'"')
+        self._left -= len(part)
+        return len(part)
 
     def close(self) -> None:
         self._file.close()

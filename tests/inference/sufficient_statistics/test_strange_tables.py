@@ -249,3 +249,28 @@ def test_one_impact(folder):
     table = impacts(1)
     found = assert_as_in_memory(written(folder, table), table)
     assert found.fit.p_value is None
+
+
+BROKEN = {
+    "a row in a cell": lambda row, line: f'"x\n{line},z"' if row % 3 == 0 else "b",
+    "not closed": lambda row, line: '"open' if row == 250 else "b",
+    "closed much later": lambda row, line: {50: '"open', 300: 'shut"'}.get(row, "b"),
+}
+
+
+@pytest.mark.parametrize("size", [6000, 10**9])
+@pytest.mark.parametrize("case", BROKEN)
+def test_quotation_marks_over_lines_lose_no_rows_in_silence(folder, monkeypatch, case, size):
+    from ifrfit.data.stream import portions
+
+    monkeypatch.setattr(portions, "_TEXT_BYTES", size)
+    header, *lines = impacts(400).to_csv(index=False).splitlines()
+    lines = [f"{line},{BROKEN[case](row, line)}" for row, line in enumerate(lines)]
+    (folder / "a.csv").write_text("\n".join([f"{header},note", *lines, ""]), encoding="utf-8")
+    with pytest.raises((UsageError, DataError), match=r"line break|quotation mark|cannot be read"):
+        ifrfit.fit(folder, method="lsq")
+
+
+def test_quotation_marks_within_lines_are_no_matter(folder):
+    table = impacts(400).assign(note='say "hi", or not')
+    assert_as_in_memory(written(folder, table), table.drop(columns="note"))
