@@ -124,7 +124,7 @@ class GroupedFiles:
     def is_by_file(self) -> bool:
         """Whether no group can have rows of two files."""
         return len(self.files) == 1 or (
-            FILE in self.by and len({path.name for path in self.files}) == len(self.files)
+            FILE in self.by and len({path.stem for path in self.files}) == len(self.files)
         )
 
     def groups(self) -> Iterator[Group | RefusedFile]:

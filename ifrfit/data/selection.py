@@ -126,6 +126,17 @@ def _check(table: pd.DataFrame, selection: Selection) -> None:
             if name not in there:
                 known = " It is known, but not among these data." if name in OBSERVABLES else ""
                 raise UsageError(f"{option} {name}: not in the data.{known} There is {', '.join(there)}.")
+    check_ranges(selection)
+
+
+def check_ranges(selection: Selection) -> None:
+    """Refuse ranges in which no number can lie.
+
+    Raises
+    ------
+    UsageError
+        An end is nan, or the lower one above the upper.
+    """
     for name, (low, high) in selection.ranges.items():
         if any(x is not None and np.isnan(x) for x in (low, high)):
             raise UsageError(f"--{name}-min and --{name}-max need numbers, not nan.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -224,7 +224,7 @@ def read_wide(layout: Layout) -> list[Piece]:
         )
     # a column of empty cells is no observable: sigma is not of it
     filled = [name for name in names if not np.isnan(layout.numbers(name)).all()]
-    _check_uncertainties(layout, names, filled or names)
+    check_uncertainties(layout, names, filled or names)
     columns, headers = common_columns(layout)
     if len(names) > 1:
         columns["impact_id"] = impact_ids(layout)
@@ -255,7 +255,14 @@ def impact_ids(layout: Layout) -> np.ndarray:
     )
 
 
-def _check_uncertainties(layout: Layout, names: list[str], filled: list[str]) -> None:
+def check_uncertainties(layout: Layout, names: Sequence[str], filled: Sequence[str]) -> None:
+    """Refuse uncertainties of a wide table that belong to none of its observables, or to any that is filled.
+
+    Raises
+    ------
+    DataError
+        With the column and the remedy.
+    """
     for kind in ("sigma", "sd"):
         if layout.has(kind) and len(filled) > 1:
             headers = ", ".join(layout.header(name) for name in filled)

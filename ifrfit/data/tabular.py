@@ -387,7 +387,13 @@ def arrow_column(column: Any, name: str, file: str, pa: Any) -> CellColumn | Dat
         or pa.types.is_decimal(kind)
         or pa.types.is_null(kind)
     ):
-        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+        try:
+            return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+        except pa.ArrowInvalid:
+            return DataError(
+                f"{file}, column {name}: holds whole numbers beyond 2^53, which doubles do not tell "
+                "from the next. Write them as text."
+            )
     if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
         return [cell if cell is not None else "" for cell in column.to_pylist()]
     return DataError(

@@ -155,19 +155,29 @@ def _ranges(columns: Mapping[str, Any]) -> Iterator[tuple[str, Mask, str]]:
 
 def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[str, Mask, str]]:
     """A sigma that one row can have by a slip only: the fit would pass through its value."""
-    ordered = np.sort(sigma[here & (sigma > 0.0)])
+    found = lone_sigmas(sigma[here])
+    if found is not None:
+        yield "sigma", here & (sigma <= found[0]), tiny_sigma(observable, found[1])
+
+
+def lone_sigmas(sigma: Array) -> tuple[float, float] | None:
+    """The largest of the uncertainties that stand alone far below the others, and the median; or None."""
+    ordered = np.sort(sigma[sigma > 0.0])
     if ordered.size < _FEWEST_SIGMAS:
-        return
+        return None
     median = float(np.median(ordered))
     # sigmas that spread over many decades have none that stands alone
     below = ordered[ordered < _TINY_SHARE * median]
     if not below.size or ordered[below.size] * _TINY_SHARE <= below[-1]:
-        return
-    yield (
-        "sigma",
-        here & (sigma <= below[-1]),
+        return None
+    return float(below[-1]), median
+
+
+def tiny_sigma(observable: str, median: float) -> str:
+    """What is said of such an uncertainty, which is to be put in."""
+    return (
         f"{{}} is more than {1.0 / _TINY_SHARE:,.0f} times smaller than the median sigma of {observable}, "
-        f"{median:.3g}: the fit would pass through this value whatever the others say. Correct it.",
+        f"{median:.3g}: the fit would pass through this value whatever the others say. Correct it."
     )
 
 
@@ -187,7 +197,7 @@ def undefined_at(sine: Array, cosine: Array, s_x: Array, s_y: Array) -> dict[str
     }
 
 
-_SUMMARIES = ("mean", "average", "std", "sd", "total")
+SUMMARIES = ("mean", "average", "std", "sd", "total")
 
 
 def refuse_summary_rows(layout: Layout) -> None:
@@ -208,7 +218,7 @@ def refuse_summary_rows(layout: Layout) -> None:
         if not layout.has(key):
             continue
         texts = layout.texts(key)
-        found = [row for row, text in enumerate(texts) if text.lower() in _SUMMARIES]
+        found = [row for row, text in enumerate(texts) if text.lower() in SUMMARIES]
         if 0 < len(found) < len(texts):
             raise DataError(
                 f"{layout.cells.at(found[0], layout.header(key))}: {show(texts[found[0]])} names a summary "

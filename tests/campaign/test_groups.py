@@ -44,6 +44,21 @@ def test_columns_may_be_folders_and_the_file(tmp_path):
     assert keys == [("glass", "1"), ("glass", "2"), ("steel", "1"), ("steel", "2")]
 
 
+def test_files_that_differ_by_their_suffix_alone_are_one_group(tmp_path):
+    write(tmp_path / "a.csv", "10,0.1", header="gamma_deg,beta")
+    pd.DataFrame({"gamma_deg": [20.0], "beta": [0.2]}).to_parquet(tmp_path / "a.parquet")
+    (found,) = grouped([tmp_path], "file").groups()
+    assert (found.key, found.rows) == (("a",), 2)
+
+
+def test_numbers_beyond_those_of_floats_are_no_keys(tmp_path):
+    table = pd.DataFrame({"run": [2**53, 2**53 + 1], "gamma_deg": [10.0, 20.0], "beta": [0.1, 0.2]})
+    table.to_parquet(tmp_path / "a.parquet")
+    (found,) = grouped([tmp_path / "a.parquet"], "run").groups()
+    assert isinstance(found, RefusedFile)
+    assert "column run: holds whole numbers beyond 2^53" in found.reason
+
+
 def test_parquet_numbers_are_keys_as_text(tmp_path):
     table = pd.DataFrame({"run": [1, 1, 2], "gamma_deg": [10.0, 20.0, 30.0], "beta": [0.1, 0.2, 0.3]})
     table.to_parquet(tmp_path / "a.parquet")

@@ -6,13 +6,18 @@ import contextlib
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ifrfit.data.table_folders import tables_in
 from ifrfit.errors import DataError, UsageError
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 LARGE_ROWS, LARGE_BYTES = 500_000, 50_000_000  # of a file that is streamed unasked
 BYTES_A_LINE = 50  # of text, roughly
 _SUFFIXES = (".parquet", ".csv", ".csv.gz", ".csv.zst")
+_PACKED = {".gz": "gzip", ".zst": "zstd"}
 
 
 class NotStreamableError(UsageError):
@@ -59,13 +64,34 @@ def is_stream(path: Path) -> bool:
 
 def is_text(path: Path) -> bool:
     """Whether a table is CSV, compressed or not."""
-    return ".csv" in path.name.lower()
+    return path.name.lower().endswith((".csv", ".csv.gz", ".csv.zst"))
+
+
+def opened_text(path: Path) -> pa.NativeFile:
+    """A file of text, unpacked by its suffix, which may be in capitals."""
+    import pyarrow as pa
+
+    return pa.input_stream(str(path), compression=_PACKED.get(path.suffix.lower()))
 
 
 def unreadable(path: Path, error: Exception) -> DataError:
     """What is said of a file that cannot be read."""
     reason = str(error).splitlines()[0] if str(error) else "damaged"
     return DataError(f"{path}: cannot be read ({reason:.150}). Write it again.")
+
+
+def has_rows(path: Path) -> bool:
+    """Whether a table has more than a header, or cannot be read, which is said when it is read."""
+    import pyarrow as pa
+
+    if not is_text(path):
+        return True
+    try:
+        with opened_text(path) as file:
+            lines = file.read(1 << 16).splitlines()
+    except (pa.ArrowException, OSError):
+        return True
+    return any(line.strip() for line in lines[1:])
 
 
 def refuse_copies(files: Sequence[Path]) -> None:
@@ -88,7 +114,7 @@ def refuse_copies(files: Sequence[Path]) -> None:
                     digest = hashlib.file_digest(file, "sha256").hexdigest()
             except OSError:
                 continue
-            if digest in seen:
+            if digest in seen and has_rows(path):
                 raise DataError(
                     f"{path}: the same data as {seen[digest].name}, and would be counted twice. Remove one."
                 )

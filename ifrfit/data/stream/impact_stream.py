@@ -23,14 +23,15 @@ from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
-from ifrfit.data.selection import Selection
-from ifrfit.data.stream.files import NotStreamableError, refuse_copies, stream_files, unreadable
+from ifrfit.data.selection import Selection, check_ranges
+from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
 from ifrfit.data.stream.sample import Sample
-from ifrfit.data.stream.table_batches import cells_of, table_batches
+from ifrfit.data.stream.table_batches import cells_of, is_number, table_batches, texts_of
 from ifrfit.data.stream.tally import Tally
-from ifrfit.data.validate import undefined_at
+from ifrfit.data.table_forms import check_uncertainties
+from ifrfit.data.validate import SUMMARIES, lone_sigmas, tiny_sigma, undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compiled_incidence import incidence_of
@@ -109,6 +110,8 @@ class ImpactStream:
     notes : tuple of str
     columns : frozenset of str
         What counts of the columns of the first file, by the names of the schema: every file has the same.
+    empty_spins : frozenset of str
+        Columns of spins in which nothing stands: no spin, as if there were no column.
     """
 
     path: Path
@@ -121,6 +124,7 @@ class ImpactStream:
     has_spin: bool = False
     notes: tuple[str, ...] = ()
     columns: frozenset[str] = frozenset()
+    empty_spins: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -135,14 +139,29 @@ class ImpactStream:
         DataError
             A file cannot be read or stands there twice, or there is none, or no row in any.
         """
+        check_ranges(selection)
         files = stream_files(path)
         stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
-        refuse_copies(list(dict.fromkeys(piece.path for piece in stream._pieces() if piece.rows)))
+        some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
+        refuse_copies(list(dict.fromkeys(some)))
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
-                    return stream.choosing_by(identify(cells_of(batch, piece.path, 0), conventions))
+                    layout = identify(cells_of(batch, piece.path, 0), conventions)
+                    return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
+
+    def _with_empty_spins(self, layout: Layout, path: Path) -> ImpactStream:
+        """Knowing the columns of spins that hold no value in the first file: no spin, as if not there."""
+        places = {key: layout.columns[key].index for key in ("spin_x", "spin_y") if layout.has(key)}
+        empty = dict(places)
+        for piece in (piece for piece in self._pieces() if piece.path == path):
+            for batch in _reading(piece) if empty else ():
+                cells = cells_of(batch, path, 0)
+                empty = {key: at for key, at in empty.items() if np.isnan(cells.numbers(at)).all()}
+                if not empty:
+                    return self
+        return replace(self, empty_spins=frozenset(empty), has_spin=len(empty) < len(places))
 
     @property
     def rows(self) -> int:
@@ -164,17 +183,23 @@ class ImpactStream:
             seen_rows = 0
             piece.check_unchanged()
             layout: Layout | None = None
+            plain: PlainRows | None = None
             for batch in _reading(piece):
                 if batch.num_rows:
                     if layout is None:
                         layout = identify(cells_of(batch, piece.path, 0), self.conventions)
                         self._refuse_other_columns(layout)
-                        plain = PlainRows.of(layout, self.observables, self.has_sigma, self.selection.ranges)
+                        if not self.empty_spins:  # which have to stay empty
+                            ranges = self.selection.ranges
+                            plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
                     first = piece.first + seen_rows
                     seen = self._plain_batch(batch, layout, plain, tally)
                     found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, plain)
+                    if self.has_sigma:
+                        for name, values in found.values.items():
+                            tally.note_sigma(name, values.sigma, piece.path)
                     if sample is not None:
-                        sample.draw(batch, piece.number, first, usable)
+                        sample.draw(batch, layout, piece.number, first, usable)
                     yield replace(found, number=piece.number, first=first)
                 seen_rows += batch.num_rows
                 tally.rows += batch.num_rows
@@ -229,7 +254,7 @@ class ImpactStream:
     ) -> tuple[Batch, Mask]:
         """The impacts of a table, and which of its rows have nothing that was left out."""
         cells = layout.cells
-        spins = [np.nan_to_num(layout.numbers(name)) for name in ("spin_x", "spin_y")]
+        spins, spin_known = self._spins_of(layout)
         gamma = layout.gamma()
         settings = self._settings(layout, gamma, spins)
         if self.selection.series:
@@ -244,10 +269,13 @@ class ImpactStream:
         for name in self.observables:
             if not layout.has(name):
                 raise DataError(f"{cells.file}: there is no column {name}, which other files have.")
-            value, sigma = layout.numbers(name), self._sigma(layout, name)
+            value, sigma = layout.numbers(name), self.sigma_of(layout, name)
             of = OBSERVABLES[name]
             measured = np.isfinite(value) & (np.isfinite(gamma) if of.has_angle else True)
             tally.skipped["not measured"] += int(value.size - np.count_nonzero(measured))
+            if of.has_angle and not spin_known.all():
+                tally.skipped["spin not measured"] += int(np.count_nonzero(measured & ~spin_known))
+                measured &= spin_known
             good = measured
             refused = dict(settings)
             outside = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
@@ -264,6 +292,26 @@ class ImpactStream:
             at = np.flatnonzero(good)
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
+
+    def _spins_of(self, layout: Layout) -> tuple[list[Array], Mask]:
+        """Spins before impact, and where they are known: nothing in a column of spins is no zero."""
+        found = []
+        known = np.ones(len(layout.cells), dtype=bool)
+        for name in ("spin_x", "spin_y"):
+            spin = layout.numbers(name)
+            if name in self.empty_spins:
+                layout.cells.refuse_first(
+                    ~np.isnan(spin),
+                    layout.header(name),
+                    lambda row: (
+                        "a spin, where the first file with rows has none in this column. Fill it in there: 0 "
+                        "if there was none."
+                    ),
+                )
+            elif layout.has(name):
+                known &= ~np.isnan(spin)
+            found.append(np.nan_to_num(spin))
+        return found, known
 
     def choosing_by(self, layout: Layout) -> ImpactStream:
         """With the observables that a table has, as far as none of them counts an impact twice.
@@ -293,6 +341,8 @@ class ImpactStream:
                 f"table that is streamed has columns of {', '.join(STREAMED)}."
             )
         there = [name for name in OBSERVABLES if layout.has(name)]
+        if there:
+            check_uncertainties(layout, there, there)
         wanted = self.selection.observable or tuple(there)
         missing = [name for name in wanted if name not in there]
         if missing or not wanted:
@@ -319,18 +369,23 @@ class ImpactStream:
             layout.has("gamma") or layout.has("tan_gamma")
         ):
             raise DataError(f"{path}: there is no incidence angle. Add a column gamma_deg (from the normal).")
+        sigmas = [name for name in used if layout.has(f"sigma:{name}")]
+        has_sigma = len(sigmas) == len(used) or (layout.has("sigma") and len(used) == 1)
         note = (
             f"{Path(path).name}: {joined(used)} used, {joined(dropped)} left out: they are of the same "
             "impacts and would count them twice"
         )
+        first = layout.header(f"sigma:{sigmas[0]}") if sigmas else ""
+        alone = (
+            f"{Path(path).name}: {first} is not used, because "
+            "not every observable has a column of uncertainties: errors are taken from the scatter"
+        )
         return replace(
             self,
             observables=tuple(used),
-            has_sigma=all(
-                layout.has(f"sigma:{name}") or (layout.has("sigma") and len(used) == 1) for name in used
-            ),
+            has_sigma=has_sigma,
             has_spin=layout.has("spin_x") or layout.has("spin_y"),
-            notes=(note,) if dropped else (),
+            notes=((note,) if dropped else ()) + ((alone,) if sigmas and not has_sigma else ()),
             columns=self._columns_that_count(layout, used),
         )
 
@@ -356,7 +411,8 @@ class ImpactStream:
                 )
             raise DataError(f"{file}: there is no column {header}, which other files have.")
 
-    def _sigma(self, layout: Layout, name: str) -> Array:
+    def sigma_of(self, layout: Layout, name: str) -> Array:
+        """Uncertainties of the values of an observable."""
         return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")
 
     def _settings(self, layout: Layout, gamma: Array, spins: Sequence[Array]) -> dict[str, Mask]:
@@ -381,11 +437,12 @@ class ImpactStream:
 
     def _series_of(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> NDArray[np.intp]:
         self._note_provenance(batch, layout, tally)
+        _refuse_summaries(batch, layout)
         if not layout.has("series"):
             return np.full(batch.num_rows, tally.numbers_of([self.path.stem])[0], dtype=np.intp)
-        column = batch.column(layout.columns["series"].index).cast("string").fill_null("")
-        encoded = column.dictionary_encode()
-        numbers = tally.numbers_of([text or self.path.stem for text in encoded.dictionary.to_pylist()])
+        encoded = _labels(batch, layout, "series").dictionary_encode()
+        names = [text.strip() for text in encoded.dictionary.to_pylist()]
+        numbers = tally.numbers_of([name or self.path.stem for name in names])
         return np.asarray(numbers[encoded.indices.to_numpy()], dtype=np.intp)
 
     def _note_provenance(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> None:
@@ -393,12 +450,69 @@ class ImpactStream:
         if not layout.has("provenance"):
             tally.provenances[said] = None
             return
-        column = batch.column(layout.columns["provenance"].index).cast("string").fill_null("")
-        for text in column.unique().to_pylist():
+        for text in _labels(batch, layout, "provenance").unique().to_pylist():
             name = provenance_name(text)
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
+
+
+def check_series(stream: ImpactStream, met: Sequence[str]) -> None:
+    """Refuse series that were asked for and not met, and those named as summaries of others.
+
+    Raises
+    ------
+    UsageError, DataError
+        With what there is.
+    """
+    for name in stream.selection.series:
+        if name not in met:
+            raise UsageError(f"--series {name}: not in the data. There is {joined(met)}.")
+    summaries = [name for name in met if name.lower() in SUMMARIES]
+    if summaries and len(summaries) < len(met):
+        raise DataError(
+            f"{stream.path}: the series '{summaries[0]}' names a summary of other rows, not impacts. Remove "
+            "its rows."
+        )
+
+
+def refuse_tiny_sigmas(stream: ImpactStream, tally: Tally, sample: Sample) -> None:
+    """Refuse an uncertainty so far below those of a sample that its value would outweigh all others.
+
+    Raises
+    ------
+    DataError
+        With the file, and the remedy.
+    """
+    if not (stream.has_sigma and sample.drawn):
+        return
+    layout = identify(sample.cells(stream.path), stream.conventions)
+    for name, (least, file) in tally.least_sigma.items():
+        found = lone_sigmas(np.append(stream.sigma_of(layout, name), least))
+        if found is not None and least <= found[0]:
+            raise DataError(f"{file}: {tiny_sigma(name, found[1]).format(f'{least:.6g}')}")
+
+
+def _refuse_summaries(batch: pa.RecordBatch, layout: Layout) -> None:
+    """Refuse an impact that is called a mean, a standard deviation or a total of others."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if not layout.has("impact_id") or is_number(batch.column(layout.columns["impact_id"].index).type):
+        return
+    told = pa.array([name for one in SUMMARIES for name in (one, one.capitalize(), one.upper())])
+    texts = _labels(batch, layout, "impact_id")
+    if pc.any(pc.is_in(texts, told)).as_py():
+        name = texts.filter(pc.is_in(texts, told))[0]
+        raise DataError(
+            f"{layout.cells.file}, column {layout.header('impact_id')}: '{name}' names a summary of other "
+            "rows, not an impact. Remove the row."
+        )
+
+
+def _labels(batch: pa.RecordBatch, layout: Layout, key: str) -> pa.Array:
+    column = layout.columns[key]
+    return texts_of(batch.column(column.index), Path(layout.cells.file), column.header)
 
 
 def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:

@@ -97,7 +97,7 @@ class PlainRows:
             column = batch.column(index)
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 return None
-            values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+            values = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             odd, missing, nines, tens = compiled(_count)(read_only(values), low, high)
             # larger values than short codes beside these show that they are values, too
             if odd or (nines and not tens) or (missing and key not in OBSERVABLES):

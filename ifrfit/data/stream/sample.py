@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
-from ifrfit.data.stream.table_batches import cells_of
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.stream.table_batches import cells_of, rows_like_others
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
 
@@ -41,11 +42,13 @@ class Sample:
         """The lot below which enough of so many rows lie."""
         return min(2**64 - 1, (2**64 // max(rows, 1)) * SAMPLE * _SPARE)
 
-    def draw(self, batch: pa.RecordBatch, number: int, first: int, usable: NDArray[np.bool_]) -> None:
+    def draw(
+        self, batch: pa.RecordBatch, layout: Layout, number: int, first: int, usable: NDArray[np.bool_]
+    ) -> None:
         """Draw from some rows of file `number`, from `first` on."""
         lots, at = _lots(number, first, usable, self.below - 1)
         if at.size:
-            self.drawn.append((lots.copy(), batch.take(at)))
+            self.drawn.append((lots.copy(), rows_like_others(batch, layout, at)))
         self._tidy()
 
     def merge(self, following: Sample) -> None:

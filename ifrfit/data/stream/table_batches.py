@@ -6,15 +6,18 @@ import contextlib
 import csv
 import io
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import NOT_MEASURED, Cells
+from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
-from ifrfit.data.stream.files import NotStreamableError, is_text
+from ifrfit.data.stream.files import NotStreamableError, is_text, opened_text
 from ifrfit.data.stream.portions import Piece
 from ifrfit.errors import DataError
 
@@ -41,8 +44,8 @@ def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = Fal
         kind = column.type
         if pa.types.is_dictionary(kind):
             column, kind = column.cast(kind.value_type), kind.value_type
-        if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind):
-            columns.append(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+        if is_number(kind):
+            columns.append(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
         elif texts and (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
             columns.append([cell or "" for cell in column.to_pylist()])
         else:
@@ -59,6 +62,55 @@ def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = Fal
         word="line" if has_header else "row",
         counted="" if has_header else "counted from 1",
     )
+
+
+def is_number(kind: pa.DataType) -> bool:
+    """Whether a column holds numbers, or nothing."""
+    import pyarrow as pa
+
+    of = pa.types
+    return any(test(kind) for test in (of.is_integer, of.is_floating, of.is_decimal, of.is_null))
+
+
+def texts_of(column: pa.Array, path: Path, name: str) -> pa.Array:
+    """A column of labels as strings, which are those of `Cells.texts` but for blanks around them.
+
+    Raises
+    ------
+    DataError
+        It holds what has no text.
+    """
+    import pyarrow as pa
+
+    kind = column.type
+    try:
+        if pa.types.is_dictionary(kind):
+            column, kind = column.cast(kind.value_type), kind.value_type
+        if is_number(kind) and not pa.types.is_integer(kind):
+            encoded = column.cast(pa.float64(), safe=False).dictionary_encode()
+            values = np.array(encoded.dictionary)
+            each = Cells(str(path), "", [name], 1, np.arange(values.size), [values])
+            column = pa.array(each.texts(0), pa.string()).take(encoded.indices)
+        return column.cast(pa.string()).fill_null("")
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        raise DataError(f"{path}, column {name}: holds {kind}, not text. Convert it.") from None
+
+
+def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]) -> pa.RecordBatch:
+    """Some rows, whose columns have the types of those of all files: numbers, text, or nothing if unused."""
+    import pyarrow as pa
+
+    used = {column.index: column for column in layout.columns.values()}
+    found = []
+    for index, column in enumerate(batch.columns):
+        if index not in used:
+            found.append(pa.nulls(at.size))
+        elif used[index].dimension == "text":
+            text = column.cast(pa.string()) if pa.types.is_string_view(column.type) else column
+            found.append(texts_of(text.take(pa.array(at)), Path(layout.cells.file), used[index].header))
+        else:
+            found.append(column.take(pa.array(at)).cast(pa.float64(), safe=False))
+    return pa.RecordBatch.from_arrays(found, names=batch.schema.names)
 
 
 def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
@@ -88,15 +140,37 @@ def _csv_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
         use_threads=False, block_size=1 << 23, column_names=names if piece.first else None
     )
     with contextlib.ExitStack() as opened:
-        source: Any = piece.path
-        if not piece.is_whole:
-            source = opened.enter_context(_Lines(piece))
+        file: Any = opened_text(piece.path) if piece.is_whole else piece.path.open("rb", buffering=0)
+        source = opened.enter_context(_Lines(file, piece))
         try:
-            yield from opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options))
+            for batch in opened.enter_context(pa.csv.open_csv(source, reading, convert_options=options)):
+                if source.quotes:
+                    _refuse_line_breaks(batch, piece.path)
+                yield batch
         except pa.ArrowInvalid as error:
             # the row that it names is one of the part
             said = _ROW.sub(lambda row: f"Row #{int(row[1]) + piece.rows_before() + 1}", str(error))
             raise (error if piece.first == 0 else pa.ArrowInvalid(said)) from None
+        if source.quotes % 2:
+            # what follows an open quotation mark is dropped in silence
+            raise NotStreamableError(
+                f"{piece.path}: a quotation mark is not closed in its line. Close it, or write Parquet."
+            )
+
+
+def _refuse_line_breaks(batch: pa.RecordBatch, path: Path) -> None:
+    """Refuse cells with line breaks: the file is parted at ends of lines, and might be within such a cell."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        if pa.types.is_string(column.type) and any(
+            pc.any(pc.match_substring(column, end)).as_py() for end in ("\n", "\r")
+        ):
+            raise NotStreamableError(
+                f"{path}, column {name}: a cell holds a line break, or its quotation mark is not closed. "
+                "Write it in one line, or the table as Parquet."
+            )
 
 
 def _header_of(path: Path) -> list[str]:
@@ -109,9 +183,7 @@ def _header_of(path: Path) -> list[str]:
     NotStreamableError
         The first line is no plain header.
     """
-    import pyarrow as pa
-
-    with pa.input_stream(str(path)) as stream:
+    with opened_text(path) as stream:
         head = stream.read(1 << 16)
     text = head.decode("utf-8-sig", errors="replace")
     header = next(iter(text.splitlines()), "")
@@ -126,22 +198,25 @@ def _header_of(path: Path) -> list[str]:
 
 
 class _Lines(io.RawIOBase):
-    """The lines of a piece of a text file."""
+    """The lines of a piece of a text file, and how many quotation marks were met in them."""
 
-    def __init__(self, piece: Piece) -> None:
+    def __init__(self, file: Any, piece: Piece) -> None:
         super().__init__()
-        self._file = piece.path.open("rb", buffering=0)
-        self._file.seek(piece.first)
-        self._left = piece.end - piece.first
+        self._file = file
+        self.quotes = 0
+        self._left = sys.maxsize if piece.is_whole else piece.end - piece.first
+        if piece.first:
+            file.seek(piece.first)
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        part = memoryview(buffer)[: self._left]
-        count = self._file.readinto(part) if self._left else 0
-        self._left -= count
-        return count
+        part = self._file.read(min(len(buffer), self._left)) if self._left else b""
+        buffer[: len(part)] = part
+        self.quotes += part.count(b'"')
+        self._left -= len(part)
+        return len(part)
 
     def close(self) -> None:
         self._file.close()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,8 @@ class Tally:
         First places of each reason.
     provenances : dict
         Those met, in their order.
+    least_sigma : dict
+        Least uncertainty of each observable, and the file.
     """
 
     rows: int = 0
@@ -38,6 +42,7 @@ class Tally:
     skipped: Counter[str] = field(default_factory=Counter)
     places: dict[str, list[str]] = field(default_factory=dict)
     provenances: dict[str, None] = field(default_factory=dict)
+    least_sigma: dict[str, tuple[float, str]] = field(default_factory=dict)
 
     def leave_out(self, bad: NDArray[np.bool_], reason: str, cells: Cells) -> None:
         """Count values that are left out; those outside of a range that was asked for have no places."""
@@ -47,6 +52,12 @@ class Tally:
         self.skipped[reason] += count
         if not reason.startswith("outside "):
             self._name(reason, [cells.at(row) for row in np.flatnonzero(bad)[:_FEW_PLACES].tolist()])
+
+    def note_sigma(self, name: str, sigma: NDArray[np.float64], file: Path | str) -> None:
+        """See whether an observable has a smaller uncertainty than before."""
+        least = float(sigma.min(initial=math.inf))
+        if least < self.least_sigma.get(name, (math.inf, ""))[0]:
+            self.least_sigma[name] = (least, str(file))
 
     def numbers_of(self, names: list[str]) -> NDArray[np.intp]:
         """Place of each series among those met.
@@ -71,6 +82,8 @@ class Tally:
         for reason, places in following.places.items():
             self._name(reason, places)
         self.provenances.update(following.provenances)
+        for name, (least, file) in following.least_sigma.items():
+            self.note_sigma(name, np.array([least]), file)
         return self.numbers_of(following.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -81,6 +94,7 @@ class Tally:
             "skipped": dict(self.skipped),
             "places": self.places,
             "provenances": list(self.provenances),
+            "least_sigma": self.least_sigma,
         }
 
     @classmethod
@@ -92,6 +106,7 @@ class Tally:
             Counter(found["skipped"]),
             found["places"],
             dict.fromkeys(found["provenances"]),
+            {name: (least, file) for name, (least, file) in found["least_sigma"].items()},
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

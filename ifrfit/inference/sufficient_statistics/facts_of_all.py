@@ -31,12 +31,15 @@ from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
+from ifrfit.inference.sufficient_statistics.moments import S_1, S_Z, S_ZZ, N
 from ifrfit.inference.sufficient_statistics.transition_window import MEAN, SCATTER
 from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_LAST_DIGITS = 4.0  # units of its last digit that a sum of squares is known to
+_OF_ITS_SD = 0.1  # of the sd of a sum of squares, which it may be wrong by
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -88,13 +91,43 @@ def statistics_of_all(
         n_sticking=round(float(counts[oblique & sticks].sum())),
         n_sliding=round(float(counts[oblique & ~sticks].sum())),
         dof=dof,
-        reduced_chi2=chi2 / dof if known else None,
-        p_value=float(chdtrc(dof, chi2)) if known else None,
+        reduced_chi2=chi2 / dof if known and dof > 0 else None,
+        p_value=float(chdtrc(dof, chi2)) if known and dof > 0 else None,
         rmse=float(np.sqrt((residual**2).sum() / n)),
         log_likelihood=log_l,
         aic=2.0 * k - 2.0 * log_l,
         bic=k * math.log(n) - 2.0 * log_l,
     )
+
+
+def refuse_lost_digits(of: Accumulated, problem: Problem, theta: Array) -> None:
+    """Refuse values so much more precise than large that the digits of their sums do not hold their scatter.
+
+    The scatter of an interval is a difference of sums, each known to some units of its last digit. What that
+    leaves open adds up, of either sign, and of one sign where no scatter is left. It may be a tenth of what
+    the scatter of so many impacts is uncertain by.
+
+    Raises
+    ------
+    DataError
+        With what there is, and the remedy.
+    """
+    squares = (problem.residual(theta) / problem.noise.base) ** 2
+    names = problem.observations.table["observable"].to_numpy(dtype=object)
+    for number, name in enumerate(of.stream.observables):
+        own = of.sums[number :: len(of.stream.observables)]
+        own = own[(own[..., N] > 0.0) & (own[..., S_1] > 0.0)]
+        count = float(own[:, N].sum())
+        lost = _LAST_DIGITS * np.finfo(float).eps * own[:, S_ZZ]
+        is_scatter = own[:, S_ZZ] - own[:, S_Z] ** 2 / own[:, S_1] > lost
+        unknown = float(lost[~is_scatter].sum()) + math.sqrt(float((lost[is_scatter] ** 2).sum()))
+        square = float(squares[names == name].sum())
+        told = max(square, count) if problem.noise.is_known else square
+        if unknown > _OF_ITS_SD * math.sqrt(2.0 / max(count, 1.0)) * told:
+            raise DataError(
+                f"{of.stream.path}: {name} scatters so little against its size that sums of squares in "
+                "double precision do not tell by how much. Fit a part of the data that is held in memory."
+            )
 
 
 def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.object_]) -> Fact:

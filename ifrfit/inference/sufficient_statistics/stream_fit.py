@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
+from ifrfit.data.stream.impact_stream import check_series, refuse_tiny_sigmas
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
@@ -36,6 +37,7 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
     assumed_by,
     facts_of_all,
     likelihood_correction,
+    refuse_lost_digits,
     statistics_of_all,
     warnings_of,
 )
@@ -148,10 +150,12 @@ def fit_stream(
 
     bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
     of = reader.accumulate(weighted, bins, window_of)
+    check_series(stream, of.tally.series)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
     _refuse_few_sigmas(of)
+    refuse_tiny_sigmas(stream, of.tally, of.sample)
     questions = questions_of(of)
     solved, fetched = solve_together(questions, reader)
     values = [
@@ -206,6 +210,7 @@ def _estimated(
     Single rows are not looked at under a closure that another one beats by far: all of them misfit.
     """
     of, stream = question.of, question.of.stream
+    refuse_lost_digits(of, problem, optimum.optimum.theta)
     assumed = asked.assumed
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):
         assumed = (*assumed, "no spin before impact")
