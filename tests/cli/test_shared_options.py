@@ -19,8 +19,9 @@ EXCEPTIONS = {
     "tie": "known to least squares and mcmc alone",
     "intervals": "puts the methods beside the fit's own; costs have all of them, a comparison has one",
 }
+READS = ("workers", "scheduler")  # who reads data that are not held in memory
 EXCEPTIONS_OF = {
-    "compare": EXCEPTIONS,
+    "compare": {name: why for name, why in EXCEPTIONS.items() if name not in READS},
     "cost": {**EXCEPTIONS, "strict": "times and errors are no statement that could fail to converge"},
 }
 OWN = {"compare": {"loo"}, "cost": {"kind", "quick"}}
