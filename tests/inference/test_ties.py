@@ -242,7 +242,7 @@ def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
     alone = ifrfit.fit(beta, method="lsq", fix={"e_n": 0.9}).constants
     found = ifrfit.fit(beta, method=method, tie=tie).constants
     names = {"e_n": 0.0, "e_t": alone.e_t.value, "mu": 0.0}
-    (tied, text), *_ = tie.items()
+    (text,) = tie.values()
     slope = -1.0 if text.startswith("-") else 0.1
     names["e_n"] = -names["e_t"] if slope == -1.0 else 0.9 + 0.1 * (1.0 + names["e_t"])
     names["mu"] = alone.mu.value * 1.9 / (1.0 + names["e_n"])
