@@ -279,3 +279,18 @@ def test_numbers_of_any_size_and_words_of_ours_are_refused_in_words(text, said):
 def test_a_tie_may_leave_nothing_free():
     fit = ifrfit.fit(ONE, tie={"e_t": "-1 + 2*mu"}, fix={"e_n": 0.9, "mu": 0.12}, method="lsq")
     assert fit.constants.e_t.value == pytest.approx(-0.76, abs=1e-12)
+
+
+def test_intervals_of_least_squares_say_when_they_reach_beyond_the_domain_of_another():
+    """With e_n from 0 to 1 mu lies between kappa / 2 and kappa."""
+    beta = ONE[["gamma_deg", "beta", "sigma_beta"]]
+    says = "the tie may end"
+    by_lsq, by_chains = (ifrfit.fit(beta, tie={"e_t": "-1 + mu"}, method=m) for m in ("lsq", "mcmc"))
+    kappa = by_lsq.derived["kappa"].value
+    assert by_lsq.constants.mu.interval95[1] > kappa  # more than any e_n leaves
+    assert any(says in each and "e_n" in each and "mcmc" in each for each in by_lsq.warnings)
+    assert by_chains.constants.mu.interval95[1] < 1.02 * kappa
+    assert not any(says in each for each in by_chains.warnings)
+    inside = ifrfit.fit(beta, tie={"e_t": "-1 + 1.15*mu"}, method="lsq")
+    assert inside.constants.e_n.status == "determined"
+    assert not any(says in each for each in inside.warnings)

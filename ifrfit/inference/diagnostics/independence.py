@@ -130,8 +130,8 @@ def independence(
     )
     short = f"intervals are too short by a factor of some {factor:.2g} ({name}), " if name else ""
     says += (
-        f", or the law misses something smooth; {short}{size} rows count as {max(effective, 1.0):.0f}: look for what drifts, and "
-        "give the mean of each run"
+        f", or the law misses something smooth; {short}{size} rows count as {max(effective, 1.0):.0f}: look "
+        "for what drifts, and give the mean of each run"
     )
     return Fact(False, says, figures, FACTS["independence"])
 

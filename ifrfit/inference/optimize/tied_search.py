@@ -137,7 +137,7 @@ class _Residual:
         residual = self._problem.residual(inside) / self._sigma
         prior = parameters.prior_residuals(inside)
         each = np.concatenate((residual, prior, beyond))
-        return np.clip(np.nan_to_num(each, nan=1e6), -_LARGEST, _LARGEST)
+        return np.asarray(np.clip(np.nan_to_num(each, nan=1e6), -_LARGEST, _LARGEST))
 
 
 def _drawn_in(problem: Problem, theta: Array) -> Array:
