@@ -28,6 +28,7 @@ _GRAMMAR = re.compile(
 _FIELDS = {
     "tails": ("Noise", "tails"),
     "dof": ("Noise", "dof"),
+    "common-errors": ("Noise", "common_errors"),
     "sigma-velocity": ("Noise", "sigma_velocity"),
     "sigma-spin": ("Noise", "sigma_spin"),
     "angle-errors": ("AngleErrors", "kind"),

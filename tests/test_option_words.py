@@ -27,6 +27,7 @@ from ifrfit.option_words import in_python
         ("--gamma-min 12, with which", "gamma_min=12, with which"),
         ("--gamma-min, --gamma-max", "gamma_min, gamma_max"),
         ("--tails student-t --dof 4 takes", 'Noise(tails="student-t", dof=4) takes'),
+        ("say --common-errors ignored.", 'say Noise(common_errors="ignored").'),
         ("--angle-offset 0.5", "AngleErrors(offset_sd=0.5)"),
         ("--separate mu --separate e_t", 'separate=["mu", "e_t"]'),
         ("--exclude 3 --exclude 7 --exclude a.csv:9", 'exclude=[3, 7, "a.csv:9"]'),

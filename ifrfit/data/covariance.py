@@ -84,6 +84,8 @@ def _with_equal_part(matrix: Array, scale: Array) -> tuple[Array, Array]:
 def _checked(covariance: Any, n: int) -> Array:
     """The matrix, if it is a covariance of n values."""
     try:
+        if np.iscomplexobj(covariance):  # a cast would drop what is imaginary
+            raise TypeError
         matrix = np.asarray(covariance, dtype=float)
     except (TypeError, ValueError):
         raise UsageError("covariance: is no matrix of numbers. Give an array, n by n.") from None

@@ -580,6 +580,7 @@ BAD = {
     "a vector": (np.full(N, 0.01), {}, "Independent errors are a column sigma of the table"),
     "of others": (np.eye(3), {}, "covariance: is 3 by 3, and the table has n = 6 values"),
     "text": ("big", {}, "covariance: is no matrix of numbers"),
+    "complex": (GOOD + 1e-6j, {}, "covariance: is no matrix of numbers"),
     "not finite": (np.full((N, N), np.nan), {}, r"element \(0, 0\) is nan"),
     "negative": (-GOOD, {}, "the variance of row 0 is -0.00015"),
     "lopsided": (GOOD + np.triu(np.full((N, N), 2e-5), 1), {}, "covariance: is not symmetric"),

@@ -247,6 +247,26 @@ def test_constants_that_are_all_fixed_are_held_against_the_data(method):
     assert not found.facts["prior_conflict"].ok
 
 
+@pytest.mark.parametrize("method", ["lsq", "exact", "profile", "bootstrap"])
+def test_constants_that_are_all_fixed_go_through_files_and_pages(tmp_path, method):
+    """Residuals that drift are told, though no interval is too short."""
+    gamma = np.linspace(5.0, 80.0, 25)
+    beta = ifrfit.rebound(gamma, e_n=0.9, e_t=-0.95, mu=0.15, degrees=True).beta + np.linspace(
+        -0.04, 0.04, 25
+    )
+    fix = {"e_n": 0.9, "e_t": -0.95, "mu": 0.15}
+    found = ifrfit.fit(gamma_deg=gamma, beta=beta, sigma=0.02, fix=fix, method=method)
+    says = found.facts["independence"].says
+    assert "residuals of neighbours along the table are alike" in says
+    assert "too short" not in says
+    assert found.predict([10.0])["hi95"].notna().all()
+    found.save(tmp_path / "result.json")
+    again = ifrfit.load_result(tmp_path / "result.json")
+    assert again.to_dict() == found.to_dict()
+    again.report(tmp_path / "report.md")
+    found.plot()
+
+
 def test_a_prior_beside_two_equal_angles():
     found = ifrfit.fit(gamma_deg=[78.7, 78.7], mu_app=[0.57, 0.63], prior={"mu": (0.2, 0.02)})
     assert found.constants.mu.status == "prior"

@@ -232,3 +232,65 @@ def test_a_mu_that_only_the_tie_knows_is_not_held_back_by_the_default_prior():
     assert tied.e_t.value == pytest.approx(free.e_t.value, abs=1e-3 * free.e_t.stderr)
     assert tied.mu.value == pytest.approx(10.0 * (1.0 + free.e_t.value), abs=1e-2 * tied.mu.stderr)
     assert tied.mu.value > 2.0
+
+
+@pytest.mark.parametrize("method", ["lsq", "mcmc"])
+@pytest.mark.parametrize("tie", [{"e_t": "-e_n"}, {"e_n": "-e_t"}, {"e_n": "0.9 + 0.1*(1 + e_t)"}], ids=str)
+def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
+    """Beta tells e_t and kappa; the tie tells e_n then, and both tell mu."""
+    beta = ONE[["gamma_deg", "beta", "sigma_beta"]]
+    alone = ifrfit.fit(beta, method="lsq", fix={"e_n": 0.9}).constants
+    found = ifrfit.fit(beta, method=method, tie=tie).constants
+    names = {"e_n": 0.0, "e_t": alone.e_t.value, "mu": 0.0}
+    (text,) = tie.values()
+    slope = -1.0 if text.startswith("-") else 0.1
+    names["e_n"] = -names["e_t"] if slope == -1.0 else 0.9 + 0.1 * (1.0 + names["e_t"])
+    names["mu"] = alone.mu.value * 1.9 / (1.0 + names["e_n"])
+    for name, value in names.items():
+        assert found[name].status == "determined"
+        assert found[name].value == pytest.approx(value, abs=0.2 * found[name].stderr)
+    assert found.e_n.stderr == pytest.approx(abs(slope) * alone.e_t.stderr, rel=0.05)
+
+
+def test_a_constant_that_follows_from_a_fixed_one_holds_no_chain_up():
+    fit = ifrfit.fit(ONE, tie={"e_t": "-e_n"}, fix={"e_n": 0.8}, method="mcmc")
+    assert fit.facts["converged"].ok
+    assert (fit.constants.e_t.value, fit.constants.e_t.stderr) == (-0.8, 0.0)
+
+
+def test_chains_start_where_the_tie_ends_the_domain_at_the_optimum():
+    # warnings are errors here; half of all places near the optimum, and its own, have no density
+    beta = np.asarray(ifrfit.rebound(GAMMA, e_n=0.9, e_t=-1.0, mu=0.15, degrees=True).beta)
+    fit = ifrfit.fit(
+        gamma_deg=GAMMA, beta=beta, sigma=0.02, tie={"e_t": "-mu"}, fix={"e_n": 0.9}, method="mcmc"
+    )
+    assert fit.constants.mu.value == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("-exp(1000*mu)", "leads out of the domain"), ("entry_2_", "no constant entry_2_")],
+)
+def test_numbers_of_any_size_and_words_of_ours_are_refused_in_words(text, said):
+    with refused(UsageError, match=said):
+        ifrfit.fit(ONE, tie={"e_t": text}, method="lsq")
+
+
+def test_a_tie_may_leave_nothing_free():
+    fit = ifrfit.fit(ONE, tie={"e_t": "-1 + 2*mu"}, fix={"e_n": 0.9, "mu": 0.12}, method="lsq")
+    assert fit.constants.e_t.value == pytest.approx(-0.76, abs=1e-12)
+
+
+def test_intervals_of_least_squares_say_when_they_reach_beyond_the_domain_of_another():
+    """With e_n from 0 to 1 mu lies between kappa / 2 and kappa."""
+    beta = ONE[["gamma_deg", "beta", "sigma_beta"]]
+    says = "the tie may end"
+    by_lsq, by_chains = (ifrfit.fit(beta, tie={"e_t": "-1 + mu"}, method=m) for m in ("lsq", "mcmc"))
+    kappa = by_lsq.derived["kappa"].value
+    assert by_lsq.constants.mu.interval95[1] > kappa  # more than any e_n leaves
+    assert any(says in each and "e_n" in each and "mcmc" in each for each in by_lsq.warnings)
+    assert by_chains.constants.mu.interval95[1] < 1.02 * kappa
+    assert not any(says in each for each in by_chains.warnings)
+    inside = ifrfit.fit(beta, tie={"e_t": "-1 + 1.15*mu"}, method="lsq")
+    assert inside.constants.e_n.status == "determined"
+    assert not any(says in each for each in inside.warnings)

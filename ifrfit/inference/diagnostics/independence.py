@@ -128,10 +128,10 @@ def independence(
         f"errors of {order.observable} are not independent: residuals of neighbours along the {order.along} "
         f"are alike (correlation {correlation:.2g}, p = {p_text(p)})"
     )
+    short = f"intervals are too short by a factor of some {factor:.2g} ({name}), " if name else ""
     says += (
-        ", or the law misses something smooth; intervals are too short by a factor of some "
-        f"{factor:.2g} ({name}), {size} rows count as {max(effective, 1.0):.0f}: look for what drifts, and "
-        "give the mean of each run"
+        f", or the law misses something smooth; {short}{size} rows count as {max(effective, 1.0):.0f}: look "
+        "for what drifts, and give the mean of each run"
     )
     return Fact(False, says, figures, FACTS["independence"])
 
@@ -226,8 +226,13 @@ def _shifted(first: Index, second: Index, columns: Array) -> Array:
 
 
 def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: float) -> tuple[float, str]:
-    """Largest ratio of a constant's sd with neighbours correlated, lag by lag less so, to its sd without."""
+    """Largest ratio of a constant's sd with neighbours correlated, lag by lag less so, to its sd without.
+
+    And that constant; 1 and nothing where all are fixed.
+    """
     free = problem.parameters.free
+    if not free.any():
+        return 1.0, ""
     columns = problem.jacobian(fit.optimum.theta)[:, free] / fit.sigma[:, None]
     information = columns.T @ columns
     covariance = np.linalg.pinv(information, rcond=1e-10, hermitian=True)

@@ -362,7 +362,12 @@ def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int,
 
 
 def only_kappa_is_seen(problem: Problem) -> bool:
-    """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
+    """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu.
+
+    A tie that names one of them does: what tells another constant tells it, too.
+    """
+    if problem.parameters.ties.involved & {"e_n", "mu"}:
+        return False
     rows = all(
         (each.kind == "tangential" and each.scale == "one") or each.without_e_n
         for each in problem.rows.observables

@@ -109,6 +109,8 @@ class Draws(NamedQuantities):
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Covariance of the draws, (n, n)."""
+        if not names:  # every constant is fixed
+            return np.zeros((0, 0))
         centred = [self.values[name] - self.values[name].mean() for name in names]
         stacked = np.array(centred).reshape(len(names), -1)
         return np.asarray(stacked @ stacked.T / max(stacked.shape[1], 1))

@@ -80,8 +80,9 @@ class Coordinates:
         flat = self.points(at).reshape(-1, self.dimensions)
         drawn = self.density.draws(flat)
         constants = {unknown.name: drawn[unknown.name] for unknown in self.density.unknowns}
-        constants |= {name: drawn[name] for name in self.problem.parameters.tied_names}
-        others = {name: values for name, values in drawn.items() if name not in constants}
+        constants |= {name: drawn[name] for name in self.problem.parameters.varied_names}
+        known = constants.keys() | set(self.problem.parameters.tied_names)
+        others = {name: values for name, values in drawn.items() if name not in known}
         found = constants | kappa_draws(self.problem, drawn) | others
         return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}
 
@@ -168,7 +169,9 @@ def _about(coordinates: Coordinates, centre: Array, root: Array, n: int, rng: np
     missing = np.arange(n)
     for attempt in range(_TRIES):
         nearer = 0.8**attempt
-        drawn = centre + nearer * (away + rng.standard_normal((missing.size, centre.size))) @ root.T
+        # a tie may end the domain at the optimum, and all of one side lies beyond
+        side = away if attempt < _TRIES // 2 else -away
+        drawn = centre + nearer * (side + rng.standard_normal((missing.size, centre.size))) @ root.T
         at[missing] = coordinates.at(_reflected(coordinates, coordinates.points(drawn)))
         missing = missing[~np.isfinite(coordinates(at[missing]))]
         if missing.size == 0:

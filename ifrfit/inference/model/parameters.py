@@ -249,6 +249,11 @@ class ParameterSet:
         return tuple(self.ties.expressions)
 
     @property
+    def varied_names(self) -> tuple[str, ...]:
+        """Names of the tied entries that follow from free ones, and not from fixed ones alone."""
+        return self.ties.following(self.free_names)
+
+    @property
     def moving_names(self) -> tuple[str, ...]:
         """Names of the entries of theta that are not fixed, tied ones among them."""
         return tuple(name for name, one in zip(self.names, self.entries, strict=True) if one.fixed is None)

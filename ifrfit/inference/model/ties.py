@@ -7,7 +7,8 @@ numbers and a few functions is refused before asteval computes it; nothing of Py
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.text import joined, meant
 
 Array = NDArray[np.float64]
@@ -60,6 +62,12 @@ class Ties:
     def tied(self) -> NDArray[np.bool_]:
         """Which entries are tied, (p,)."""
         return np.array([name in self.expressions for name in self.names])
+
+    @cached_property
+    def involved(self) -> frozenset[str]:
+        """Constants that a tie sets or names, without their series."""
+        used = (names_in(name, text, self.names) for name, text in self.expressions.items())
+        return frozenset(quantity_of(name) for name in (*self.expressions, *itertools.chain(*used)))
 
     def check(self, fixed: Sequence[str], with_prior: Sequence[str]) -> None:
         """Refuse ties that say nothing, go round in circles, or contradict what else is said.
@@ -106,6 +114,14 @@ class Ties:
             left = {name: used for name, used in left.items() if name not in ready}
         return tuple(found)
 
+    def following(self, free: Collection[str]) -> tuple[str, ...]:
+        """Tied entries that follow from free ones; the others follow from fixed ones, and stand still."""
+        moving = set(free)
+        for name in self._order:
+            if moving & set(names_in(name, self.expressions[name], self.names)):
+                moving.add(name)
+        return tuple(name for name in self.expressions if name in moving)
+
     def applied(self, theta: Array) -> Array:
         """Entries of theta, (m, p), with the tied ones worked out; nan where an expression has no value."""
         theta = np.array(theta, dtype=float)
@@ -151,7 +167,7 @@ def _parsed(name: str, text: str, names: Sequence[str]) -> tuple[str, tuple[str,
         tree = ast.parse(plain.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise UsageError(f"{said}: is no expression. Write it as -1 + 0.1*mu.") from None
-    words = {_word(place): own for place, own in enumerate(names)} | {own: own for own in names}
+    words = {own if "[" not in own else _word(place): own for place, own in enumerate(names)}
     used: list[str] = []
     for node in ast.walk(tree):
         is_number = isinstance(node, ast.Constant) and isinstance(node.value, int | float)

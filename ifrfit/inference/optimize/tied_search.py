@@ -12,6 +12,7 @@ from ifrfit.inference.optimize.optimum import Array, Optimum, objective_at
 TIED = "constants tied"  # how the method of such an optimum ends
 _FOLLOWED = 12  # of the best starts
 _OUTSIDE = 1e3  # per unit of the domain's width: residual of a tied constant beyond its domain
+_LARGEST = 1e12  # residual, whose square a sum still holds beside others
 _STEPS = 30  # of the noise, until the search from its mode takes over
 
 
@@ -45,6 +46,9 @@ def tied_search(problem: Problem, sigma: Array, near: Array | None = None) -> Op
     width = _widths(problem)[parameters.free]
     for place in np.argsort(value, kind="stable")[:_FOLLOWED]:
         start = np.clip(theta[place][parameters.free], low, high)
+        if not start.size:  # every constant is fixed or follows from such
+            found.append((float(value[place]), theta[place]))
+            break
         ended = optimize.least_squares(
             residual, start, bounds=(low, high), x_scale=width, xtol=1e-14, ftol=1e-14, gtol=1e-12
         )
@@ -52,7 +56,7 @@ def tied_search(problem: Problem, sigma: Array, near: Array | None = None) -> Op
         if np.isfinite(at).all():
             found.append((float(2.0 * ended.cost), at))
     found.sort(key=lambda pair: pair[0])
-    if found:
+    if found and width.size:
         found.insert(0, _polished(problem, residual, found[0][1]))
     kept = [
         (objective_at(problem, sigma, at), at)
@@ -133,7 +137,7 @@ class _Residual:
         residual = self._problem.residual(inside) / self._sigma
         prior = parameters.prior_residuals(inside)
         each = np.concatenate((residual, prior, beyond))
-        return np.asarray(np.nan_to_num(each, nan=1e6, posinf=1e6, neginf=-1e6))
+        return np.asarray(np.clip(np.nan_to_num(each, nan=1e6), -_LARGEST, _LARGEST))
 
 
 def _drawn_in(problem: Problem, theta: Array) -> Array:

@@ -60,10 +60,12 @@ from ifrfit.inference.result.types import (
     FitStatistics,
     NoiseSummary,
     State,
+    by_entry,
 )
 from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import angle_offset_of, correlation_of, estimates_of, noise_of
 from ifrfit.inference.summary.gaussian import truncated_gaussian
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -231,6 +233,8 @@ def build_result(
         noise = noise_of(problem, own, noise, bounds)
     drawn = Postponed(partial(_drawn, own, seed))
     said = (*_warnings(problem), *_of_common_errors(noise), *estimation.warnings)
+    if not estimation.is_posterior:
+        said += _beyond_ends(problem, constants)
 
     def state() -> State:
         kept = drawn.value if estimation.predicts else None
@@ -427,6 +431,21 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     if problem.closure.caveat:
         said.append(problem.closure.caveat)
     return (*said, *_sigma_not_used(problem))
+
+
+def _beyond_ends(problem: Problem, constants: Constants) -> tuple[str, ...]:
+    """Which intervals of tied constants a Gaussian draws beyond what an end of another's domain leaves."""
+    if not problem.parameters.is_tied:
+        return ()
+    flat = by_entry(constants)
+    open_ = [name for name, own in flat.items() if own.status in ("one_sided", "not_determined")]
+    others = [name for name, own in flat.items() if own.status in ("determined", "prior")]
+    if not open_ or not others:
+        return ()
+    return (
+        f"The domain of {joined(open_)} ends within reach, and the tie may end {joined(others)} there, "
+        "too, which intervals of least squares do not know: they may reach beyond. --method mcmc knows it.",
+    )
 
 
 def _common_errors(asked: Problem, optimum: LeastSquaresFit) -> CommonErrorSummary | None:

@@ -35,9 +35,9 @@ def state_of(
     gaussian : TruncatedGaussian
     distribution : Distribution
     drawn : mapping of str to ndarray, (n,), or None
-        Draws of the distribution; None where the Gaussian is to stand.
+        Draws of the distribution; None where the Gaussian is to stand, as it does where nothing is free.
     """
-    if drawn is None:
+    if not drawn:
         return gaussian.state
     names, point = gaussian.state.names, gaussian.state.point.copy()
     sample = to_coordinates(problem, drawn)
