@@ -280,18 +280,26 @@ def test_the_order_of_rows_changes_nothing(seed):
     np.testing.assert_allclose(numbers(fitted(shuffled(data, seed))), numbers(fitted(data)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 82, 516])
-def test_the_order_of_rows_changes_little_where_angles_turn(seed):
-    """The search over turned angles ends at kinks, and rounding decides at which of two near one another.
-
-    1 of 321 tables differed, by 0.09 sd; 82 by 0.15 sd, 516 by 0.42 sd.
-    """
+@pytest.mark.parametrize("seed", [1, 82, 516])
+def test_the_order_of_rows_changes_nothing_where_angles_turn(seed):
+    # steps along slopes rested on kinks, at whichever rounding chose: 82 and 516 lay 0.15 and 0.42 sd apart
     data = table(seed, value=(0.03, 0.02), angle=(0.3, 0.2))
-    (value, sd), (other, _) = (
-        np.array(numbers(fitted(each)), dtype=float).T for each in (data, shuffled(data, seed))
-    )
-    assert np.nanmax(np.abs(value - other) / sd) < 0.6
-    assert fitted(data).least_squares.optimum.gap is None
+    first, other = fitted(data), fitted(shuffled(data, seed))
+    assert first.fit.chi2 == pytest.approx(other.fit.chi2, abs=1e-6)
+    np.testing.assert_allclose(numbers(first), numbers(other), rtol=1e-5)
+
+
+def test_no_common_errors_nearby_are_better_where_angles_turn():
+    """Against places about the optimum, with the constants found anew at each."""
+    fit = fitted(table(516, value=(0.03, 0.02), angle=(0.3, 0.2)))
+    problem, found = fit.problem, fit.least_squares
+    value = found.common.value
+    rng = np.random.default_rng(0)
+    for size in (1e-3, 1e-2, 0.1, 0.5):
+        for _ in range(40):
+            there = value + size * rng.normal(size=value.size)
+            best = least_squares(problem.at_common(there)).optimum.objective + float(there @ there)
+            assert best >= found.optimum.objective - 1e-6
 
 
 def shuffled(data, seed):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,9 @@ _REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
 _COMMON_STEPS = 60  # over common errors
 _COMMON_CONVERGED = 1e-8  # of them, in sd
+_SIMPLEX = 0.3  # of a common error, by which the search without slopes begins
+_MOST_TRIED = 250  # places of it for each
+_RESTED = 1e-6  # of common errors and of the objective, between all places of its simplex
 _OTHER_STARTS = 3
 _COARSELY = 1e-3  # the same, where several ends of a search are compared
 _SAME_STEP = 1e-2  # of two first steps that lead the same way
@@ -192,7 +196,40 @@ def _with_common_errors(
     at_best = problem.at_common(value)
     step = common_step(at_best, fit.sigma, fit.optimum.theta, fit.common.loadings, value)
     fit, _ = _descended(problem, fit, step, _COMMON_CONVERGED)
+    if problem.common.turns_angles:
+        fit = _below_kinks(problem, fit)
     return replace(fit, optimum=_with_partitions(problem, fit, rises))
+
+
+def _below_kinks(problem: Problem, fit: LeastSquaresFit) -> LeastSquaresFit:
+    """The fit at the least objective about another, by a search that needs no slopes.
+
+    Common errors that turn angles move impacts across the transition: there the objective has kinks, on which
+    steps along slopes come to rest.
+    """
+    from scipy.optimize import minimize
+
+    assert fit.common is not None
+    start = fit.common.value
+
+    def at(value: Array) -> LeastSquaresFit:
+        return _at_common(problem, value, fit.optimum.theta, fit.sigma)
+
+    options: Any = {
+        "initial_simplex": np.vstack((start, start + _SIMPLEX * np.eye(start.size))),
+        "xatol": _RESTED,
+        "fatol": _RESTED,
+        "maxfev": _MOST_TRIED * start.size,
+        "adaptive": True,
+    }
+    lowest = minimize(  # type: ignore[call-overload]
+        lambda value: _objective_at(problem, at(value), fit.sigma),
+        start,
+        method="Nelder-Mead",
+        options=options,
+    )
+    found = at(lowest.x)
+    return found if lowest.fun < _objective_at(problem, fit, fit.sigma) else fit
 
 
 def _has_exact_partitions(problem: Problem) -> bool:
