@@ -9,13 +9,14 @@ import pytest
 from project_files import as_json, axes, dataset, pixel, version_4
 from sheet_files import xlsx
 
+import ifrfit
 from ifrfit.data.file_options import conventions_of
 
 GAMMA = np.linspace(10.0, 80.0, 12)
 
 
 def points(wave):
-    beta = np.where(GAMMA < 50, 0.5 + 0.02 * np.sin(wave * GAMMA), -0.4 + 0.02 * np.cos(wave * GAMMA))
+    beta = ifrfit.rebound(GAMMA, e_n=0.9, e_t=-0.6, mu=0.2, degrees=True).beta + 0.02 * np.sin(wave * GAMMA)
     return [pixel(g, b) for g, b in zip(GAMMA, beta, strict=True)]
 
 

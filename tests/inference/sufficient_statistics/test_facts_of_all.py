@@ -32,10 +32,10 @@ def both(folder, table, **options):
 
 
 @pytest.mark.parametrize("noise", ["known", "unknown"])
-@pytest.mark.parametrize("mu", [(0.15, 0.15), (0.15, 0.152), (0.08, 0.4)])
+@pytest.mark.parametrize("mu", [(0.15, 0.15), (0.15, 0.155), (0.08, 0.4)])
 def test_whether_series_share_their_constants(tmp_path, monkeypatch, noise, mu):
     monkeypatch.setattr(sample, "SAMPLE", 50)  # which alone would tell hardly anything
-    streamed, held = both(tmp_path, two_series(2000, mu), noise=noise)
+    streamed, held = both(tmp_path, two_series(600, mu), noise=noise)
     # without what single rows tell in memory, of slips that explain as much
     ours, theirs = streamed.facts["pooling"], pooling(*held.problem_and_optimum()).fact
     assert ours.ok == theirs.ok == (mu[0] == mu[1])

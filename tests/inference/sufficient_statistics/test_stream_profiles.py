@@ -8,6 +8,7 @@ from streams import folder_of, impacts
 
 import ifrfit
 from ifrfit.errors import DataError
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
 from ifrfit.inference.sufficient_statistics.moments import edges
@@ -33,7 +34,7 @@ TOLERANCE = 1e-7
     ids=str,
 )
 def test_profiles_are_those_of_all_rows(tmp_path, options, table):
-    rows = impacts(2500, 3, **table)
+    rows = impacts(1000, 3, **table)
     rows.to_csv(tmp_path / "all.csv", index=False)
     held = ifrfit.fit(tmp_path / "all.csv", method="profile", **options)
     streamed = ifrfit.fit(folder_of(tmp_path / "all", rows), method="profile", **options)
@@ -99,7 +100,7 @@ def test_the_page_shows_the_profiles(tmp_path):
     folder = folder_of(tmp_path / "all", impacts(6000), 2, "parquet")
     fit = ifrfit.fit(folder, method="profile")
     assert fit.is_sampled
-    appraisal = ifrfit.inference.appraise.appraise(fit)
+    appraisal = appraise(fit)
     assert list(appraisal.profiles) == list(fit.profiles)
     assert appraisal.without_profiles.endswith("were not held in memory: intervals are not compared.")
     write_folder(fit, appraisal, tmp_path / "out", force=False)
