@@ -14,6 +14,7 @@ import numpy as np
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.common_likelihood import CommonLikelihood, refuse_beside
+from ifrfit.inference.model.error_model import PLAIN
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.generalised_least_squares import (
     common_at,
@@ -24,13 +25,15 @@ from ifrfit.inference.optimize.generalised_least_squares import (
 )
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
+from ifrfit.inference.optimize.solve import solve
 
 if TYPE_CHECKING:
     from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _COMMON_STEPS = 60  # over common errors
 _COMMON_CONVERGED = 1e-8  # of them, in sd
-_SIMPLEX = 0.3  # of a common error, by which the search without slopes begins
+_SIMPLEXES = 0.3, 0.03, 0.03, 0.03  # of a common error, by which searches without slopes begin
+_SAME_SIGMA = 1e-6  # relative difference of two that are one
 _MOST_TRIED = 250  # places of it for each
 _RESTED = 1e-6  # of common errors and of the objective, between all places of its simplex
 _OTHER_STARTS = 3
@@ -105,31 +108,35 @@ def _below_kinks(problem: Problem, fit_at: FitAtCommon, fit: LeastSquaresFit) ->
     """The fit at the least objective about another, by a search that needs no slopes.
 
     Common errors that turn angles move impacts across the transition: there the objective has kinks, on which
-    steps along slopes come to rest.
+    steps along slopes come to rest. The search takes sigma as the fit has it; where sigma follows from the
+    fit, it is searched again at that of the new one, nearby, until they agree.
     """
     from scipy.optimize import minimize
 
     assert fit.common is not None
-    start = fit.common.value
+    plain = replace(problem, error_model=PLAIN)
+    for size in _SIMPLEXES:
+        start, sigma, theta = fit.common.value, fit.sigma, fit.optimum.theta
 
-    def at(value: Array) -> LeastSquaresFit:
-        return fit_at(problem, value, fit.optimum.theta, fit.sigma)
+        def objective(value: Array, sigma: Array = sigma, theta: Array = theta) -> float:
+            at_value = solve(plain.at_common(value), sigma, theta, proven=False)
+            return at_value.objective + float(value @ value)
 
-    options: Any = {
-        "initial_simplex": np.vstack((start, start + _SIMPLEX * np.eye(start.size))),
-        "xatol": _RESTED,
-        "fatol": _RESTED,
-        "maxfev": _MOST_TRIED * start.size,
-        "adaptive": True,
-    }
-    lowest = minimize(  # type: ignore[call-overload]
-        lambda value: _objective_at(problem, at(value), fit.sigma),
-        start,
-        method="Nelder-Mead",
-        options=options,
-    )
-    found = at(lowest.x)
-    return found if lowest.fun < _objective_at(problem, fit, fit.sigma) else fit
+        options: Any = {
+            "initial_simplex": np.vstack((start, start + size * np.eye(start.size))),
+            "xatol": _RESTED,
+            "fatol": _RESTED,
+            "maxfev": _MOST_TRIED * start.size,
+            "adaptive": True,
+        }
+        lowest = minimize(objective, start, method="Nelder-Mead", options=options)
+        if lowest.fun >= objective(start):
+            break
+        fit = fit_at(problem, lowest.x, theta, sigma)
+        assert fit.common is not None
+        if np.abs(np.log(fit.sigma / sigma)).max() < _SAME_SIGMA:
+            break
+    return fit
 
 
 def _has_exact_partitions(problem: Problem) -> bool:

@@ -16,7 +16,6 @@ from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
 from ifrfit.inference.model.common_errors import CommonErrorFit, whitening
 from ifrfit.inference.model.common_likelihood import CommonLikelihood
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
-from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, slopes
 from ifrfit.inference.model.rows import Index
@@ -42,6 +41,7 @@ _CONVERGED = 1e-10
 _REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
+_PATIENCE = 8  # of them, for a smaller change
 _WEIGHTS_CONVERGED = 1e-8
 _SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
 _SMALLEST_FACTOR = 1e-6  # on sigma: a smaller one says that the misfit is nothing but rounding
@@ -371,14 +371,16 @@ def _iteratively_reweighted(
     law, nu = problem.error_model.law, problem.error_model.dof
     sigma, change = base * factor, math.inf
     before: Array | None = None
-    found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
+    optimum = solve(plain, sigma)
+    least, waited = math.inf, 0
     for _ in range(_REWEIGHTINGS):
-        theta = found.optimum.theta
+        theta = optimum.theta
         wide = _effective_sigma(problem, theta, factor)
         z = problem.residual(theta) / wide
         weight = law.weight(z, nu)
         if problem.noise.is_scaled:
-            dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
+            leverage = gaussian_approximation(plain, sigma, theta).leverage
+            dof = max(z.size - float(leverage.sum()), 0.5)
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
             wide = _effective_sigma(problem, theta, factor)
         new = wide / np.sqrt(weight)
@@ -387,16 +389,17 @@ def _iteratively_reweighted(
         ahead = None if before is None else end_of_steps(before, step)
         before = step if ahead is None else None
         sigma = new if ahead is None or change <= _WEIGHTS_CONVERGED else new * np.exp(ahead)
-        found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
-        if change <= _WEIGHTS_CONVERGED:
+        optimum = solve(plain, sigma)
+        least, waited = (change, 0) if change < least else (least, waited + 1)
+        if change <= _WEIGHTS_CONVERGED or waited == _PATIENCE:  # a row at a kink weighs now more, now less
             break
     wider = 1.0 / math.sqrt(law.information(nu))
-    loadings = None if common is None else common(found.optimum.theta)
-    gaussian = gaussian_approximation(plain, sigma * wider, found.optimum.theta, common=loadings)
+    loadings = None if common is None else common(optimum.theta)
+    gaussian = gaussian_approximation(plain, sigma * wider, optimum.theta, common=loadings)
     dof = math.inf
     if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
-    optimum = replace(found.optimum, gap=None, method=f"{found.optimum.method}, {ITERATED}")
+    optimum = replace(optimum, gap=None, method=f"{optimum.method}, {ITERATED}")
     return LeastSquaresFit(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
 
 
