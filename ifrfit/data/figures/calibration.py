@@ -132,12 +132,13 @@ def coordinate(
     CalibrationError
         The equations do not fix it: clicks on one spot, or on one line.
     """
-    matrix = np.column_stack([weights @ clicks + (0.0 if fixed is None else fixed), constants])
-    centred = matrix - np.outer(constants, np.append(clicks.mean(axis=0), 0.0))  # far from the origin, too
-    spread = np.ptp(clicks, axis=0).max() or 1.0
-    scaled = centred / np.array([spread, spread, 1.0])
-    size = np.linalg.norm(scaled, axis=1)
-    if not np.all(size > 0.0) or abs(np.linalg.det(scaled / size[:, None])) < _SINGULAR:
+    with np.errstate(over="ignore", invalid="ignore"):  # of clicks beyond all pictures nan is left, and refused
+        matrix = np.column_stack([weights @ clicks + (0.0 if fixed is None else fixed), constants])
+        centred = matrix - np.outer(constants, np.append(clicks.mean(axis=0), 0.0))  # far from the origin, too
+        spread = np.ptp(clicks, axis=0).max() or 1.0
+        scaled = centred / np.array([spread, spread, 1.0])
+        size = np.linalg.norm(scaled, axis=1)
+    if not np.all(size > 0.0) or not abs(np.linalg.det(scaled / size[:, None])) >= _SINGULAR:
         raise CalibrationError("its clicks lie on one spot or on one line, which fixes no axes. Calibrate anew")
     inverse = np.linalg.inv(matrix)
     return Coordinate(inverse @ linear_values, inverse @ weights, scale)
