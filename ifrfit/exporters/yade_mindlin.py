@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -26,7 +27,7 @@ from ifrfit.exporters.soft_sphere import (
     only_solid_sphere,
     stiffness_ratio,
 )
-from ifrfit.exporters.spring_dashpot import SpringDashpot, impact, misfit
+from ifrfit.exporters.spring_dashpot import Array, SpringDashpot, impact, misfit
 
 _LEAST = 0.01  # of e_n: a sphere that leaves more slowly takes as long as many contacts
 _MOST_DAMPING = 8.0  # more than e_n = 0.01 needs, and as good as no reversal of the slip
@@ -121,19 +122,22 @@ def thornton_damping(e: float) -> float:
 def _nearest(betan: float, constants: ExportedConstants) -> tuple[float, float]:
     """Poisson ratio and betas whose rebounds come closest to the fitted curve in v_x/u."""
 
-    def miss(given: tuple[float, float]) -> float:
-        return misfit(contact(given[0], betan, given[1], constants.mu), constants)
+    def miss(given: Array) -> float:
+        nu, betas = given.tolist()
+        return misfit(contact(nu, betan, betas, constants.mu), constants)
 
-    tried = [(nu, betas) for nu in _POISSON_TRIED for betas in _DAMPINGS_TRIED]
+    tried = [np.array([nu, betas]) for nu in _POISSON_TRIED for betas in _DAMPINGS_TRIED]
     best = min(tried, key=miss)
+    options: Any = {"xatol": 1e-4, "fatol": 1e-9, "maxfev": 100}
     found = minimize(
-        lambda x: miss((float(x[0]), float(x[1]))),
+        miss,
         best,
         method="Nelder-Mead",
-        bounds=(POISSON, (0.0, _MOST_DAMPING)),
-        options={"xatol": 1e-4, "fatol": 1e-9, "maxfev": 100},
+        bounds=[POISSON, (0.0, _MOST_DAMPING)],
+        options=options,
     )
-    return min((best, (float(found.x[0]), float(found.x[1]))), key=miss)
+    nu, betas = min((best, np.asarray(found.x)), key=miss).tolist()
+    return nu, betas
 
 
 EXPORTER = YadeMindlin()

@@ -138,6 +138,7 @@ def _table(
         list(columns.values()),
         word="point",
         notes=tuple(notes),
+        calibration="" if calibration is None else calibration.digest,
     )
 
 
