@@ -271,6 +271,16 @@ def test_refused_with_file_and_place_and_nothing_written(tmp_path, monkeypatch, 
     assert spent < 8.0
 
 
+@pytest.mark.parametrize(("name", "words"), [("folder", "this is a folder"), ("none", "there is no such file")])
+def test_what_is_no_file_is_refused(tmp_path, monkeypatch, name, words):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    said = in_this_process("import", name, "--x", "gamma_deg", "--y", "beta", "--out", "data.csv")
+    assert said.returncode == 3, said.stderr
+    assert said.stderr.startswith(f"ifrfit: {name}: {words}")
+    assert [each.name for each in Path().iterdir()] == ["folder"]
+
+
 _VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
