@@ -43,7 +43,8 @@ WHY_NOT = {
     "mercurydpm": "no package of Debian or of the Python index",
     "mfix": "no package of Debian or of the Python index",
     "dynamo": "no package of Debian or of the Python index",
-    "chrono": "no package of Debian; `pychrono` of the Python index is another project",
+    "chrono": "no package of Debian; of the Python index `pychrono` is another project, `projectchrono` a "
+    "reserved name without files",
 }
 
 

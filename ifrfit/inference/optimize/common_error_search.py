@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.common_errors import CommonErrorFit
 from ifrfit.inference.model.common_likelihood import CommonLikelihood, refuse_beside
 from ifrfit.inference.model.error_model import PLAIN
 from ifrfit.inference.model.problem import Problem
@@ -26,9 +27,6 @@ from ifrfit.inference.optimize.generalised_least_squares import (
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
-
-if TYPE_CHECKING:
-    from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _COMMON_STEPS = 60  # over common errors
 _COMMON_CONVERGED = 1e-8  # of them, in sd
@@ -44,7 +42,37 @@ _HALVINGS = 12
 _SMALLEST_SHARE, _SHRINKS = 1.0 / 16.0, 0.9  # of a step
 
 
-class FitAtCommon(Protocol):
+class FitAtNoise(Protocol):
+    """What the search needs of a fit; that of least squares has more, which it keeps."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def optimum(self) -> Optimum:
+        """Over the constants, at the common errors."""
+        ...
+
+    @property
+    def sigma(self) -> Array:
+        """Independent errors, (n,)."""
+        ...
+
+    @property
+    def change(self) -> float:
+        """Last relative change of the noise."""
+        ...
+
+    @property
+    def common(self) -> CommonErrorFit | None:
+        """The common errors themselves."""
+        ...
+
+
+Fit = TypeVar("Fit", bound=FitAtNoise)
+FitCovariant = TypeVar("FitCovariant", bound=FitAtNoise, covariant=True)
+
+
+class FitAtCommon(Protocol[FitCovariant]):
     """What fits a problem at given common errors."""
 
     def __call__(
@@ -55,14 +83,14 @@ class FitAtCommon(Protocol):
         sigma: Array | None = None,
         *,
         proven: bool = True,
-    ) -> LeastSquaresFit:
+    ) -> FitCovariant:
         """The fit at the errors `value`, (r,), from a start and sigma of a neighbouring fit."""
         ...
 
 
 def with_common_errors(
-    problem: Problem, fit_at: FitAtCommon, start: Array | None = None, *, proven: bool = True
-) -> LeastSquaresFit:
+    problem: Problem, fit_at: FitAtCommon[Fit], start: Array | None = None, *, proven: bool = True
+) -> Fit:
     """Fit under errors that rows have in common: the fit at the best of them, and what that adds to it.
 
     At given ones the question is an ordinary one, of which the optimum over the constants is certified (where
@@ -81,7 +109,7 @@ def with_common_errors(
         fit = fit_at(problem, common_at(problem, first.sigma, known[0].theta))
         return replace(fit, optimum=_with_partitions(problem, fit, []))
     places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
-    found: list[tuple[float, LeastSquaresFit]] = []
+    found: list[tuple[float, Fit]] = []
     steps: list[Array] = []
     for theta in (*places, *(each.theta for each in known)):
         loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
@@ -104,7 +132,7 @@ def with_common_errors(
     return replace(fit, optimum=_with_partitions(problem, fit, rises))
 
 
-def _below_kinks(problem: Problem, fit_at: FitAtCommon, fit: LeastSquaresFit) -> LeastSquaresFit:
+def _below_kinks(problem: Problem, fit_at: FitAtCommon[Fit], fit: Fit) -> Fit:
     """The fit at the least objective about another, by a search that needs no slopes.
 
     Common errors that turn angles move impacts across the transition: there the objective has kinks, on which
@@ -145,7 +173,7 @@ def _has_exact_partitions(problem: Problem) -> bool:
     return moves_values and problem.noise.is_known and problem.error_model.is_plain
 
 
-def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[float, Array]]) -> Optimum:
+def _with_partitions(problem: Problem, fit: FitAtNoise, others: list[tuple[float, Array]]) -> Optimum:
     """The optimum over constants and common errors, with its other minima, and its proof where there is one.
 
     `others` are ends of the search: how far they lie higher, and theta.
@@ -171,15 +199,15 @@ def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[
     )
 
 
-def _is_same(one: LeastSquaresFit, other: LeastSquaresFit) -> bool:
+def _is_same(one: FitAtNoise, other: FitAtNoise) -> bool:
     assert one.common is not None
     assert other.common is not None
     return bool(np.abs(one.common.value - other.common.value).max() < _SAME_COMMON)
 
 
 def _descended(
-    problem: Problem, fit_at: FitAtCommon, first: LeastSquaresFit, step: Array, tolerance: float
-) -> tuple[LeastSquaresFit, float]:
+    problem: Problem, fit_at: FitAtCommon[Fit], first: Fit, step: Array, tolerance: float
+) -> tuple[Fit, float]:
     """The fit at the nearest minimum over the common errors, from a fit and one step on; and its objective.
 
     Where sigma is known, each step makes the objective smaller. Else steps are halved while they do not
@@ -216,7 +244,7 @@ def _descended(
     return replace(fit, change=unconverged), objective
 
 
-def _objective_at(problem: Problem, fit: LeastSquaresFit, sigma: Array) -> float:
+def _objective_at(problem: Problem, fit: FitAtNoise, sigma: Array) -> float:
     """chi2 with priors and common errors; where sigma is not known at that of another fit."""
     assert fit.common is not None
     if problem.noise.is_known and problem.error_model.is_plain:
