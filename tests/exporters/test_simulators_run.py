@@ -115,12 +115,14 @@ def test_asking_for_a_version_leaves_no_file(tmp_path, monkeypatch):
 
 
 def test_bullet_stops_the_slip_and_no_more():
-    """Brach's closure in single impacts, spins included."""
-    found, _ = shot("pybullet")
+    """Brach's closure in single impacts, spins about x and y included."""
+    found, _ = shot("pybullet", laterals=[0.0, 0.4])
     fitted = ExportedConstants(get_closure("f"), 0.4, {"e_n": 0.9, "mu": 0.15}).rebound(found.shots.incidence)
     np.testing.assert_allclose(found.v_n, fitted.v_n, atol=1e-6)
     np.testing.assert_allclose(found.v_x, fitted.v_x, atol=TOLERANCES["pybullet"])
+    np.testing.assert_allclose(found.v_y, fitted.v_y, atol=TOLERANCES["pybullet"])
     np.testing.assert_allclose(found.spin, fitted.spin_y, atol=3.0 * TOLERANCES["pybullet"])
+    np.testing.assert_allclose(found.lateral, fitted.spin_x, atol=3.0 * TOLERANCES["pybullet"])
 
 
 def test_drakes_time_step_damps_in_proportion():
