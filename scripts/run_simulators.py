@@ -21,6 +21,7 @@ from ifrfit.exporters.exported_constants import ExportedConstants
 from ifrfit.exporters.protocol import Conditions, Translation
 from ifrfit.exporters.registry import EXPORTERS
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.closures import get_closure
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,6 +34,8 @@ FOLDER = ROOT / "docs" / "simulators"
 ANGLES = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0])
 SPEEDS = np.array([0.5, 2.0, 5.0])  # of approach, m/s
 SPINS = np.array([-0.55, 0.0, 0.55])  # the slip vanishes at none of the angles
+LATERALS = np.array([-0.4, 0.4])
+TWIST = 0.55
 ASKED_SPEED, ASKED_ANGLE = 2.0, 40.0
 SIGMA = 1e-3  # of velocities over the incoming speed: without noise of their own they could not be fitted
 ONLY_CONSTANTS = {"python", "c", "json", "csv"}
@@ -40,13 +43,17 @@ WHY_NOT = {
     "mercurydpm": "no package of Debian or of the Python index",
     "mfix": "no package of Debian or of the Python index",
     "dynamo": "no package of Debian or of the Python index",
-    "chrono": "no package of Debian; `pychrono` of the Python index is another project",
+    "chrono": "no package of Debian; of the Python index `pychrono` is another project, `projectchrono` a "
+    "reserved name without files",
 }
 
 
 @dataclass(frozen=True)
 class Run:
-    """Rebounds by one simulator, and one head-on at the asked speed."""
+    """Rebounds by one simulator, and one head-on at the asked speed.
+
+    At that speed also with spins along the motion (`sideways`), and about the normal (`twisted`).
+    """
 
     pair: str
     target: str
@@ -56,6 +63,8 @@ class Run:
     found: Rebounds
     head_on: float
     seconds: float
+    sideways: Rebounds | None
+    twisted: Rebounds | None
 
 
 def pairs() -> dict[str, ExportedConstants]:
@@ -80,13 +89,22 @@ def run(pair: str, constants: ExportedConstants, target: str) -> Run:
         ASKED_ANGLE if "angle" in exporter.takes else None, ASKED_SPEED if "speed" in exporter.takes else None
     )
     translation = exporter.translate(constants, at)
-    shots = Shots.over(ANGLES, SPEEDS, SPINS if target != "openfoam" else SPINS[1:2])
+    spinning = target != "openfoam"
+    shots = Shots.over(ANGLES, SPEEDS, SPINS if spinning else SPINS[1:2])
     begin = time.perf_counter()
     found = simulator.shoot(translation.lines, shots)
     seconds = time.perf_counter() - begin
     head_on = simulator.shoot(translation.lines, Shots.over([0.0], [ASKED_SPEED], [0.0])).v_n[0]
     engine = f"{exporter.title} {simulator.version()}"
-    return Run(pair, target, engine, constants, translation, found, float(head_on), seconds)
+    sideways = twisted = None
+    if spinning:
+        sideways = simulator.shoot(
+            translation.lines, Shots.over(ANGLES, [ASKED_SPEED], SPINS, laterals=LATERALS)
+        )
+        twisted = simulator.shoot(translation.lines, Shots.over(ANGLES, [ASKED_SPEED], SPINS, twists=[TWIST]))
+    return Run(
+        pair, target, engine, constants, translation, found, float(head_on), seconds, sideways, twisted
+    )
 
 
 def fitted_again(run: Run) -> str:
@@ -107,16 +125,18 @@ def fitted_again(run: Run) -> str:
         table |= {"beta": found.beta, "sigma_beta": SIGMA / np.abs(incidence.slip_x)}
     again = ifrfit.fit(table, closure="fr", method="lsq")
     values = ((name, again.constants[name].value) for name in ("e_n", "beta0", "mu"))
-    return ", ".join(f"{name} {'not determined' if x is None else f'{x:.3f}'}" for name, x in values)
+    # z: no minus before a zero
+    return ", ".join(f"{name} {'not determined' if x is None else f'{x:z.3f}'}" for name, x in values)
 
 
-def worst(deviation: np.ndarray, shots: Shots) -> str:
-    """The largest deviation, and where."""
+def worst(deviation: np.ndarray, shots: Shots, *, speed: bool = True) -> str:
+    """The largest deviation, and where; with the speed, where there are several."""
     at = int(np.argmax(np.round(np.abs(deviation), 4)))  # of equal ones the first
     if abs(deviation[at]) < 5e-5:
         return "below 0.0001"
     spin = f", spin {shots.spin[at]:+g}" if shots.spin[at] else ""
-    return f"{deviation[at]:+.4f} ({shots.angle[at]:g}°, {shots.approach[at]:g} m/s{spin})"
+    fast = f", {shots.approach[at]:g} m/s" if speed else ""
+    return f"{deviation[at]:+.4f} ({shots.angle[at]:g}°{fast}{spin})"
 
 
 def deviations(run: Run) -> dict[str, str]:
@@ -124,10 +144,10 @@ def deviations(run: Run) -> dict[str, str]:
     found, shots = run.found, run.found.shots
     fitted = run.constants.rebound(shots.incidence)
     asked = shots.approach == ASKED_SPEED
-    at_asked = Shots(shots.angle[asked], shots.approach[asked], shots.spin[asked])
+    at_asked = shots.take(asked)
     off = found.e_n - run.constants.e_n
     words = {
-        "head on": f"{run.head_on - run.constants.e_n:+.4f}",
+        "head on": f"{run.head_on - run.constants.e_n:+z.4f}",
         "asked": worst(off[asked], at_asked),
         "all": worst(off, shots),
         "v_x": worst(found.v_x - fitted.v_x, shots),
@@ -163,6 +183,39 @@ def table(runs: Sequence[Run]) -> str:
             text += f"| {' | '.join(cells)} |\n"
         text += "\n"
     return text
+
+
+def spins_across(runs: Sequence[Run]) -> str:
+    """What spins along the motion and about the normal do, of every code that has spins."""
+    text = (
+        "## Spins about the other axes\n\n"
+        f"At {ASKED_SPEED:g} m/s, with spins of {' and '.join(f'{x:g}' for x in LATERALS)} along the motion "
+        "beside those above: the largest deviations from the fitted curve, and of v_y/u from the law that "
+        f"the export states. The last two: by how much a spin of {TWIST:g} about the normal changes v_x/u, "
+        "v_y/u or v_n/u, and what the impact takes from it.\n\n"
+        "| pair | code | v_x/u | v_y/u | R Omega_x/u | v_y/u, stated law | by the spin about the normal | of "
+        "that spin |\n|---|---|---|---|---|---|---|---|\n"
+    )
+    for run in runs:
+        found, twisted = run.sideways, run.twisted
+        if found is None or twisted is None:
+            continue
+        shots = found.shots
+        fitted = run.constants.rebound(shots.incidence)
+        off = [found.v_x - fitted.v_x, found.v_y - fitted.v_y, found.lateral - fitted.spin_x]
+        words = [worst(each, shots, speed=False) for each in off]
+        if run.translation.how == "run":
+            words.append("the code is the law")
+        else:
+            beta = run.translation.response(shots.incidence).beta
+            push = rotational_share(run.constants.inertia_factor) * (1.0 + beta) * shots.incidence.slip_y
+            words.append(worst(found.v_y + push, shots, speed=False))
+        rows = run.found.shots.approach == ASKED_SPEED
+        changes = [getattr(twisted, name) - getattr(run.found, name)[rows] for name in ("v_x", "v_y", "v_n")]
+        words.append(worst(max(changes, key=lambda x: np.abs(x).max()), twisted.shots, speed=False))
+        words.append(worst(twisted.twist - TWIST, twisted.shots, speed=False))
+        text += f"| {run.pair.partition(' (')[0]} | {run.engine} | {' | '.join(words)} |\n"
+    return text + "\n"
 
 
 def time_steps(constants: ExportedConstants) -> str:
@@ -227,7 +280,11 @@ def main() -> None:
     given = pairs()
     runs = [run(pair, constants, target) for pair, constants in given.items() for target in here]
     draw(runs)
-    text = (ROOT / "scripts" / "pages" / "simulators.md").read_text(encoding="utf-8") + table(runs)
+    text = (
+        (ROOT / "scripts" / "pages" / "simulators.md").read_text(encoding="utf-8")
+        + table(runs)
+        + spins_across(runs)
+    )
     if "drake" in here:
         text += time_steps(next(iter(given.values())))
     text += (

@@ -86,6 +86,8 @@ class Cells:
         How rows are numbered, in messages, where people might count in another way; empty for lines.
     notes : tuple of str
         Sentences about the file that go with every result.
+    calibration : str
+        Which calibration of a figure its common errors are of; empty where it is not said.
     in_memory : bool
         Whether it is no file: its name is then not cut at slashes and dots.
     """
@@ -100,6 +102,7 @@ class Cells:
     word: str = "line"
     counted: str = ""
     notes: tuple[str, ...] = ()
+    calibration: str = ""
     in_memory: bool = False
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 

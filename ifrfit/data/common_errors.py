@@ -8,7 +8,7 @@ that calibrate a figure move all its points, and so any covariance of values can
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,9 +74,9 @@ def loadings_of(
     return value[:, acts], angle[:, acts], kept
 
 
-def renumbered(table: pd.DataFrame, after: int) -> pd.DataFrame:
-    """The table with its common errors numbered from `after` + 1 on: they are others than those before."""
+def renumbered(table: pd.DataFrame, numbers: Mapping[int, int]) -> pd.DataFrame:
+    """The table with other numbers for its common errors."""
     names: dict[str, str] = {}
-    for place, number in enumerate(numbers_in(table.columns), start=after + 1):
-        names |= {of_value(number): of_value(place), of_angle(number): of_angle(place)}
+    for old, new in numbers.items():
+        names |= {of_value(old): of_value(new), of_angle(old): of_angle(new)}
     return table.rename(columns=names)

@@ -137,6 +137,8 @@ class Observations:
         Sentences for the user.
     momentum : tuple of MomentumCheck
         One for each source of raw velocities with spin after; not repeated in the notes.
+    calibration : str
+        Which calibration of a figure the common errors are of; empty where it is not said, or of several.
 
     Examples
     --------
@@ -154,6 +156,7 @@ class Observations:
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     momentum: tuple[MomentumCheck, ...] = ()
+    calibration: str = ""
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -250,7 +253,8 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
 def combine(parts: Sequence[Observations]) -> Observations:
     """Put several observations into one; impacts of different sources stay apart, series of one name do not.
 
-    Errors that rows of a source have in common are others than those of another source.
+    Errors that rows of a source have in common are others than those of another source, but where both are
+    of one calibration of a figure.
 
     Parameters
     ----------
@@ -276,10 +280,12 @@ def combine(parts: Sequence[Observations]) -> Observations:
     sources: list[Source] = []
     notes: list[str] = []
     momentum: list[MomentumCheck] = []
-    taken = 0
-    for part in parts:
-        table, checks = renumbered(part.table, taken), part.momentum
-        taken += len(numbers_in(table.columns))
+    known: dict[tuple[str, str, int], int] = {}  # new numbers of common errors
+    for place, part in enumerate(parts):
+        of = (part.calibration, "" if part.calibration else str(place))
+        old = numbers_in(part.table.columns)
+        numbers = {number: known.setdefault((*of, number), len(known) + 1) for number in old}
+        table, checks = renumbered(part.table, numbers), part.momentum
         for source in part.sources:
             _refuse_duplicate(source, sources)
             name = _free_name(source.name, {s.name for s in sources})

@@ -198,7 +198,7 @@ def _assemble(layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int
         headers=source_headers(layout),
     )
     notes = (*cells.notes, *layout.notes)
-    return Observations(make_table(columns), (source,), notes, tuple(layout.momentum))
+    return Observations(make_table(columns), (source,), notes, tuple(layout.momentum), cells.calibration)
 
 
 def _as_text(name: str) -> str:

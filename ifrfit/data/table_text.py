@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ifrfit.data.common_errors import common_columns_in
-from ifrfit.data.notes_in_text import note_lines
+from ifrfit.data.notes_in_text import calibration_line, note_lines
 from ifrfit.data.observations import Observations
 from ifrfit.data.schema import SCHEMA
 from ifrfit.errors import DataError, UsageError
@@ -34,6 +34,8 @@ def table_text(observations: Observations, comments: Sequence[str] = ()) -> str:
         and not (name in ("spin_x", "spin_y") and (table[name] == 0.0).all())
     ]
     head = [f"# {' '.join(line.split())}" for line in comments] + note_lines(observations.notes)
+    if observations.calibration:
+        head.append(calibration_line(observations.calibration))
     body = table[filled].to_csv(index=False, float_format=_DIGITS, lineterminator="\n")
     return "\n".join([*head, str(body)])
 

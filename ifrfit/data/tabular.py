@@ -18,7 +18,7 @@ import numpy as np
 from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
 from ifrfit.data.column_names import UNITS, parse_header, unit_name
 from ifrfit.data.merged_headers import Spans, merge_headers
-from ifrfit.data.notes_in_text import notes_in
+from ifrfit.data.notes_in_text import calibration_in, notes_in
 from ifrfit.data.sheets import DELIMITER, is_spreadsheet, lines_of_sheet
 from ifrfit.errors import DataError, UsageError
 
@@ -75,9 +75,9 @@ def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None =
     else:
         text = decode(raw, file)
         del raw  # of a long file only one form is kept at a time
-        notes, lines = notes_in(text), _lines(text)
+        notes, calibration, lines = notes_in(text), calibration_in(text), _lines(text)
         del text
-        cells = replace(_parse(lines, file, sha256, is_header), notes=notes)
+        cells = replace(_parse(lines, file, sha256, is_header), notes=notes, calibration=calibration)
     check_headers(cells)
     if not len(cells):
         raise DataError(f"{file}: there is a header, but no row under it. Add one impact a line.")

@@ -18,6 +18,7 @@ from ifrfit.exporters import (
     pybullet,
     python_function,
     yade,
+    yade_mindlin,
 )
 from ifrfit.exporters.protocol import Exporter
 from ifrfit.registry import Registry
@@ -33,6 +34,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         lammps.EXPORTER,
         liggghts.EXPORTER,
         yade.EXPORTER,
+        yade_mindlin.EXPORTER,
         mercurydpm.EXPORTER,
         mfix.EXPORTER,
         dynamo.EXPORTER,

@@ -30,6 +30,7 @@ class SpringDashpot:
     """Forces of a contact at the overlap d, closing at the speed w, with tangential stretch s and slip V.
 
     F_n = d^p + c_n d^q w and F_t = -(k_t d^(p - 1) s + c_t d^q V), at most mu |F_n|; q is (p - 1)/2.
+    Where the spring keeps its force, k_t d^(p - 1) s is the integral of k_t d^(p - 1) ds instead.
 
     Attributes
     ----------
@@ -41,6 +42,8 @@ class SpringDashpot:
         What the friction bounds: the whole tangential force, or the spring, which then acts alone.
     clamped : bool
         Whether the normal force never attracts.
+    keeps : {"stretch", "force"}
+        What of the spring along the wall stays as it is while its stiffness changes with the overlap.
     """
 
     exponent: float
@@ -50,6 +53,7 @@ class SpringDashpot:
     mu: float
     slider: Literal["force", "spring"] = "force"
     clamped: bool = False
+    keeps: Literal["stretch", "force"] = "stretch"
 
 
 def impact(
@@ -82,7 +86,7 @@ def impact(
     mobility = 1.0 / rotational_share(inertia_factor)
     d, w = 0.0, 1.0
     pull_n, pull_t = 0.0, np.zeros_like(tau)
-    slip, stretch = tau.astype(float), np.zeros_like(tau)
+    slip, stretch, stiffness = tau.astype(float), np.zeros_like(tau), 0.0
     for _ in range(20 * steps):
         w_half, slip_half = w + 0.5 * h * pull_n, slip + 0.5 * h * pull_t
         before = d, w, slip
@@ -90,8 +94,10 @@ def impact(
         if d <= 0.0:
             share = before[0] / (before[0] - d)
             return -(w + share * h * pull_n), slip + share * h * pull_t
+        softer, stiffness, damping = stiffness, d**power, d ** (0.5 * power)
+        if contact.keeps == "force":
+            stretch = stretch * (softer / stiffness)
         stretch = stretch + h * slip_half
-        stiffness, damping = d**power, d ** (0.5 * power)
         normal = stiffness * d + contact.c_n * damping * w_half
         if contact.clamped:
             normal = max(normal, 0.0)
@@ -119,13 +125,15 @@ def _tangential(
 
 
 def response(contact: SpringDashpot, inertia_factor: float, steps: int, incidence: Incidence) -> Response:
-    """Rebounds of any angles and spins about y; beta is nan where nothing slips."""
+    """Rebounds of any angles and spins; beta is nan where nothing slips.
+
+    Springs, dashpots and slider act along the slip, whose direction no impact turns.
+    """
     e_n, slip = impact(contact, incidence.tau, inertia_factor, steps)
     with np.errstate(invalid="ignore"):
         beta = -slip / incidence.tau
-    after = slip * incidence.cosine * np.sign(incidence.slip_x)
-    push = rotational_share(inertia_factor) * (incidence.slip_x - after)
-    return Response(e_n * incidence.cosine, incidence.sine - push, beta)
+    push = rotational_share(inertia_factor) * np.where(incidence.slip == 0.0, 0.0, 1.0 + beta)
+    return Response(e_n * incidence.cosine, incidence.sine - push * incidence.slip_x, beta)
 
 
 def misfit(contact: SpringDashpot, constants: ExportedConstants) -> float:

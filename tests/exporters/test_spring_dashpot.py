@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from ifrfit.exporters.mercurydpm import linear_contact
-from ifrfit.exporters.spring_dashpot import STEPS, SpringDashpot, impact, log_decrement
+from ifrfit.exporters.spring_dashpot import STEPS, SpringDashpot, impact, log_decrement, response
+from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.compliance.solvers import rebound_ratio
 
@@ -63,6 +65,41 @@ def test_more_steps_change_little(slider):
     assert coarse[0] == pytest.approx(fine[0], abs=1e-4)
     # the slider acts at the end of a step: an error of the first order, below 1e-3 of v_x/u (2/7 of this)
     np.testing.assert_allclose(coarse[1], fine[1], atol=3e-3)
+
+
+@pytest.mark.parametrize("keeps", ["stretch", "force"])
+def test_a_spring_keeps_its_stretch_or_its_force(keeps):
+    """Against an integrator with an error control, without a slider: Hertz's overlap, dashpots along both."""
+    c_n, k_t, c_t = 0.1, 1.2, 0.2
+
+    def motion(_, state):
+        d, w, kept, slip = max(state[0], 1e-300), *state[1:]
+        normal = d**1.5 + c_n * d**0.25 * w
+        spring = k_t * np.sqrt(d) * kept if keeps == "stretch" else kept
+        growth = slip if keeps == "stretch" else k_t * np.sqrt(d) * slip
+        return w, -normal, growth, -(spring + c_t * d**0.25 * slip) / SHARE
+
+    def leaves(_, state):
+        return state[0]
+
+    leaves.terminal, leaves.direction = True, -1
+    end = solve_ivp(motion, (0.0, 10.0), [1e-12, 1.0, 0.0, 1.0], events=leaves, rtol=1e-10, atol=1e-12).y[
+        :, -1
+    ]
+    e_n, slip = impact(SpringDashpot(1.5, c_n, k_t, c_t, 1e9, keeps=keeps), np.ones(1), J)
+    assert e_n == pytest.approx(-end[1], abs=5e-4)
+    assert slip[0] == pytest.approx(end[3], abs=5e-4)
+
+
+def test_a_lateral_spin_pushes_along_the_slip():
+    """Slip and push are one line: their parts along x are those of |slip| by its cosine."""
+    contact = SpringDashpot(1.5, 0.1, 1.2, 0.1, 0.15, slider="spring")
+    sideways = Incidence.of([20.0, 50.0], 0.3, [0.2, -0.1], degrees=True)
+    found = response(contact, J, STEPS, sideways)
+    _, slip = impact(contact, sideways.tau, J)
+    after = slip * sideways.cosine  # along the slip
+    lost = SHARE * (sideways.slip - after) * sideways.slip_x / sideways.slip
+    np.testing.assert_allclose(found.v_x, sideways.sine - lost, atol=1e-12)
 
 
 def test_a_clamped_contact_never_attracts():

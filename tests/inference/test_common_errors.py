@@ -22,8 +22,9 @@ from ifrfit.data.table_text import table_text
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.optimize.common_error_search import _with_partitions
 from ifrfit.inference.optimize.generalised_least_squares import partitions
-from ifrfit.inference.optimize.least_squares import _with_partitions, least_squares
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.result.restore import question

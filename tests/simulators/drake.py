@@ -45,12 +45,12 @@ def shoot(lines: Sequence[str], shots: Shots, *, time_step: float = 0.0) -> Rebo
     rows = [
         _one(models, time_step, *row) for row in zip(shots.along, shots.approach, shots.omega, strict=True)
     ]
-    return shots.rebounds(*np.array(rows).T)
+    return shots.rebounds(*np.hsplit(np.array(rows), 2))
 
 
 def _one(
-    models: tuple[str, str], time_step: float, along: float, down: float, omega: float
-) -> tuple[float, float, float]:
+    models: tuple[str, str], time_step: float, along: float, down: float, omega: np.ndarray
+) -> np.ndarray:
     from pydrake.math import RigidTransform
     from pydrake.multibody.math import SpatialVelocity
     from pydrake.multibody.parsing import Parser
@@ -75,10 +75,10 @@ def _one(
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     sphere = plant.GetBodyByName("body", plant.GetModelInstanceByName("sphere"))
     plant.SetFreeBodyPose(context, sphere, RigidTransform([0.0, 0.0, RADIUS + 1e-9]))
-    plant.SetFreeBodySpatialVelocity(context, sphere, SpatialVelocity([0.0, omega, 0.0], [along, 0.0, -down]))
+    plant.SetFreeBodySpatialVelocity(context, sphere, SpatialVelocity(omega, [along, 0.0, -down]))
     simulator.AdvanceTo(20.0 * DURATION)
     state = plant.EvalBodySpatialVelocityInWorld(context, sphere)
     after, spin = state.translational(), state.rotational()
     if after[2] < 0.0:
         raise RuntimeError("Drake: the sphere has not left the wall.")
-    return float(after[0]), float(after[2]), float(spin[1])
+    return np.concatenate((after, spin))

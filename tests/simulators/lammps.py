@@ -57,9 +57,8 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     )
     order = own.numpy.extract_atom("id") - 1
     velocity, spin = (own.numpy.extract_atom(name) for name in ("v", "omega"))
-    velocity[:, 0], velocity[:, 2], spin[:, 1] = (
-        part[order] for part in (shots.along, -shots.approach, shots.omega)
-    )
+    velocity[:, 0], velocity[:, 2] = shots.along[order], -shots.approach[order]
+    spin[:] = shots.omega[order]
     for i in range(100):
         own.command(f"run 2000 pre {'no' if i else 'yes'} post no")
         at, velocity = (own.numpy.extract_atom(name) for name in ("x", "v"))
@@ -67,6 +66,6 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
             break
     spin = own.numpy.extract_atom("omega")
     back = (own.numpy.extract_atom("id") - 1).argsort()
-    found = velocity[back, 0].copy(), velocity[back, 2].copy(), spin[back, 1].copy()
+    found = velocity[back].copy(), spin[back].copy()
     own.close()
     return shots.rebounds(*found)

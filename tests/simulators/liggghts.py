@@ -17,7 +17,9 @@ def version() -> str:
     """What runs here; empty without it."""
     if shutil.which("liggghts") is None:
         return ""
-    said = subprocess.run(["liggghts", "-help"], capture_output=True, text=True, check=False).stdout
+    # without "-log none" its help leaves a log.liggghts in the working directory
+    call = ["liggghts", "-log", "none", "-help"]
+    said = subprocess.run(call, capture_output=True, text=True, check=False).stdout
     found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", said)
     return found.group(1) if found else ""
 
@@ -39,7 +41,8 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
             *(f"create_atoms 1 single 0 {GAP * i} {RADIUS * 1.00001} units box" for i in range(n)),
             f"set group all diameter {2 * RADIUS} density {DENSITY}",
             *(
-                f"set atom {i} vx {x:.15g} vz {-z:.15g} omegay {w:.15g}"
+                f"set atom {i} vx {x:.15g} vz {-z:.15g} omegax {w[0]:.15g} omegay {w[1]:.15g} "
+                f"omegaz {w[2]:.15g}"
                 for i, (x, z, w) in enumerate(rows, 1)
             ),
             *lines,
@@ -49,8 +52,8 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
             "timestep 5e-8",
             "thermo 1000000",
             "run 40000",
-            "dump out all custom 1 out.txt id z vx vz omegay",
-            'dump_modify out sort id format "%d %.15g %.15g %.15g %.15g"',
+            "dump out all custom 1 out.txt id z vx vy vz omegax omegay omegaz",
+            'dump_modify out sort id format "%d' + " %.15g" * 7 + '"',
             "run 0",
             "",
         ]
@@ -62,7 +65,8 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
         )
         if run.returncode:
             raise RuntimeError(f"LIGGGHTS stopped: {run.stdout[-2000:]}{run.stderr[-2000:]}")
-        _, z, v_x, v_z, omega = np.loadtxt(Path(folder) / "out.txt", skiprows=9, ndmin=2).T
-    if (z < RADIUS).any() or (v_z < 0.0).any():
+        found = np.loadtxt(Path(folder) / "out.txt", skiprows=9, ndmin=2)[:, 1:]
+    z, velocity, omega = found[:, 0], found[:, 1:4], found[:, 4:]
+    if (z < RADIUS).any() or (velocity[:, 2] < 0.0).any():
         raise RuntimeError("LIGGGHTS: a sphere has not left the wall.")
-    return shots.rebounds(v_x, v_z, omega)
+    return shots.rebounds(velocity, omega)

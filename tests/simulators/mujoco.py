@@ -36,13 +36,13 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     for along, down, omega in zip(shots.along, shots.approach, shots.omega * RADIUS / _RADIUS, strict=True):
         data = mujoco.MjData(model)
         data.qpos[2] = _RADIUS + down * model.opt.timestep / 3.0
-        data.qvel[:] = along, 0.0, -down, 0.0, omega, 0.0
+        data.qvel[:] = along, 0.0, -down, *omega
         for _ in range(20000):
             mujoco.mj_step(model, data)
             if data.qpos[2] > _RADIUS and data.qvel[2] > 0.0:
                 break
         spin = np.zeros(3)  # the free joint's spin is in the frame of the body
         mujoco.mju_rotVecQuat(spin, data.qvel[3:6], data.qpos[3:7])
-        rows.append((data.qvel[0], data.qvel[2], spin[1]))
-    v_x, v_z, omega = np.array(rows).T
-    return shots.rebounds(v_x, v_z, omega * _RADIUS / RADIUS)
+        rows.append((*data.qvel[:3], *spin))
+    velocity, spins = np.hsplit(np.array(rows), 2)
+    return shots.rebounds(velocity, spins * _RADIUS / RADIUS)

@@ -85,7 +85,7 @@ def _environment() -> dict[str, str]:
 
 def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     """All at once, with the exported lines as they are; parcels have no spin, and so must the shots."""
-    if np.any(shots.spin != 0.0):
+    if np.any(shots.omega != 0.0):
         raise RuntimeError("OpenFOAM's parcels have no spin.")
     n = shots.angle.size
     # all of them hit the wall and none comes back to another one within the run
@@ -115,7 +115,7 @@ def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     if len(order) != n or (velocity[:, 2] < 0.0).any():
         raise RuntimeError("OpenFOAM: a parcel has not left the wall.")
     velocity = velocity[order.argsort()] / scale[:, None]
-    return shots.rebounds(velocity[:, 0], velocity[:, 2], np.zeros(n))
+    return shots.rebounds(velocity, np.zeros((n, 3)))
 
 
 def _numbers(path: Path) -> np.ndarray:

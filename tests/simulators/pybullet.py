@@ -24,10 +24,10 @@ def version() -> str:
 def shoot(lines: Sequence[str], shots: Shots) -> Rebounds:
     """One after the other, a world each."""
     rows = [_one(lines, *row) for row in zip(shots.along, shots.approach, shots.omega, strict=True)]
-    return shots.rebounds(*np.array(rows).T)
+    return shots.rebounds(*np.hsplit(np.array(rows), 2))
 
 
-def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple[float, float, float]:
+def _one(lines: Sequence[str], along: float, down: float, omega: np.ndarray) -> np.ndarray:
     import pybullet
 
     pybullet.connect(pybullet.DIRECT)
@@ -38,7 +38,7 @@ def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple
         height = RADIUS + _BEFORE * down * _TIME_STEP
         sphere = pybullet.createMultiBody(0.3, shape, basePosition=[0.0, 0.0, height])
         exec("\n".join(lines), {"pybullet": pybullet, "wall": wall, "sphere": sphere})
-        pybullet.resetBaseVelocity(sphere, [along, 0.0, -down], [0.0, omega, 0.0])
+        pybullet.resetBaseVelocity(sphere, [along, 0.0, -down], omega.tolist())
         for _ in range(60):
             pybullet.stepSimulation()
             velocity, spin = pybullet.getBaseVelocity(sphere)
@@ -46,4 +46,4 @@ def _one(lines: Sequence[str], along: float, down: float, omega: float) -> tuple
                 break
     finally:
         pybullet.disconnect()
-    return float(velocity[0]), float(velocity[2]), float(spin[1])
+    return np.array([*velocity, *spin])

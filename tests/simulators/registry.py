@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from simulators import drake, lammps, liggghts, mujoco, openfoam, pybullet, yade
+from simulators import drake, lammps, liggghts, mujoco, openfoam, pybullet, yade, yade_mindlin
 from simulators.shots import Rebounds, Shots
 
 
@@ -25,6 +25,7 @@ SIMULATORS: dict[str, Simulator] = {
     "lammps": lammps,
     "liggghts": liggghts,
     "yade": yade,
+    "yade-mindlin": yade_mindlin,
     "openfoam": openfoam,
     "mujoco": mujoco,
     "pybullet": pybullet,

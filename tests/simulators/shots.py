@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import product
 
 import numpy as np
@@ -19,7 +19,7 @@ GAP = 0.1  # m between spheres that are shot at once: they never meet
 
 @dataclass(frozen=True)
 class Shots:
-    """Impacts in the x-z plane, the wall at z = 0.
+    """Impacts that move in the x-z plane, the wall at z = 0.
 
     Attributes
     ----------
@@ -28,18 +28,30 @@ class Shots:
     approach : ndarray, (n,)
         Normal speed before, m/s.
     spin : ndarray, (n,)
-        R omega over the speed before, in the signs of ifrfit: positive is back-spin.
+        About y: R omega over the speed before, in the signs of ifrfit: positive is back-spin.
+    lateral : ndarray, (n,)
+        About x, along the motion; it moves the contact point across.
+    twist : ndarray, (n,)
+        About the wall's normal, which no point of contact feels.
     """
 
     angle: Array
     approach: Array
     spin: Array
+    lateral: Array
+    twist: Array
 
     @classmethod
-    def over(cls, angles: Array, approaches: Array, spins: Array) -> Shots:
+    def over(
+        cls, angles: Array, approaches: Array, spins: Array, laterals: Array = (0.0,), twists: Array = (0.0,)
+    ) -> Shots:
         """All combinations."""
-        rows = np.array(list(product(angles, approaches, spins)), dtype=float)
+        rows = np.array(list(product(angles, approaches, spins, laterals, twists)), dtype=float)
         return cls(*rows.T)
+
+    def take(self, rows: Array) -> Shots:
+        """These shots only."""
+        return Shots(*(getattr(self, each.name)[rows] for each in fields(self)))
 
     @property
     def speed(self) -> Array:
@@ -53,17 +65,20 @@ class Shots:
 
     @property
     def omega(self) -> Array:
-        """Right-handed spin about y, rad/s; back-spin is negative."""
-        return np.asarray(-self.spin * self.speed / RADIUS)
+        """Right-handed spins about x, y, z, rad/s, (n, 3); back-spin is negative."""
+        turns = np.column_stack([self.lateral, -self.spin, self.twist])
+        return np.asarray(turns * self.speed[:, None] / RADIUS)
 
     @property
     def incidence(self) -> Incidence:
         """As the package has it."""
-        return Incidence.of(self.angle, 0.0, self.spin, degrees=True)
+        return Incidence.of(self.angle, self.lateral, self.spin, degrees=True)
 
-    def rebounds(self, v_x: Array, v_z: Array, omega: Array) -> Rebounds:
-        """What came back, m/s and rad/s."""
-        return Rebounds(self, v_x / self.speed, v_z / self.speed, -RADIUS * omega / self.speed)
+    def rebounds(self, velocity: Array, omega: Array) -> Rebounds:
+        """What came back, m/s and rad/s, (n, 3) each."""
+        v_x, v_y, v_z = velocity.T / self.speed
+        about_x, about_y, about_z = RADIUS * omega.T / self.speed
+        return Rebounds(self, v_x, v_y, v_z, -about_y, about_x, about_z)
 
 
 @dataclass(frozen=True)
@@ -72,8 +87,11 @@ class Rebounds:
 
     shots: Shots
     v_x: Array
+    v_y: Array
     v_n: Array
     spin: Array
+    lateral: Array
+    twist: Array
 
     @property
     def e_n(self) -> Array:

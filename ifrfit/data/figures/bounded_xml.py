@@ -12,6 +12,15 @@ if TYPE_CHECKING:
 
 _DEEPEST = 50
 _MOST_ELEMENTS = 500_000
+_PORTION = 2**20  # bytes: a tag that is not closed is looked through again with each, and holds up any smaller one
+
+
+class _InPortions(io.BytesIO):
+    """Bytes that are read in portions of one size, whatever is asked for."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        """The next portion."""
+        return super().read(_PORTION)
 
 
 def read_xml(raw: bytes, file: str, remedy: str) -> Element:
@@ -37,7 +46,7 @@ def read_xml(raw: bytes, file: str, remedy: str) -> Element:
     root: Element | None = None
     depth = count = 0
     try:
-        for event, element in iterparse(io.BytesIO(raw), events=("start", "end"), forbid_dtd=False):
+        for event, element in iterparse(_InPortions(raw), events=("start", "end"), forbid_dtd=False):
             if event == "end":
                 depth -= 1
                 continue

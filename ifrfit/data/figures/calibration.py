@@ -12,6 +12,7 @@ the figure, whereas a click on the point itself moves v by theta_ab . dp.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -132,12 +133,13 @@ def coordinate(
     CalibrationError
         The equations do not fix it: clicks on one spot, or on one line.
     """
-    matrix = np.column_stack([weights @ clicks + (0.0 if fixed is None else fixed), constants])
-    centred = matrix - np.outer(constants, np.append(clicks.mean(axis=0), 0.0))  # far from the origin, too
-    spread = np.ptp(clicks, axis=0).max() or 1.0
-    scaled = centred / np.array([spread, spread, 1.0])
-    size = np.linalg.norm(scaled, axis=1)
-    if not np.all(size > 0.0) or abs(np.linalg.det(scaled / size[:, None])) < _SINGULAR:
+    with np.errstate(over="ignore", invalid="ignore"):  # of clicks beyond all pictures nan is left, and refused
+        matrix = np.column_stack([weights @ clicks + (0.0 if fixed is None else fixed), constants])
+        centred = matrix - np.outer(constants, np.append(clicks.mean(axis=0), 0.0))  # far from the origin, too
+        spread = np.ptp(clicks, axis=0).max() or 1.0
+        scaled = centred / np.array([spread, spread, 1.0])
+        size = np.linalg.norm(scaled, axis=1)
+    if not np.all(size > 0.0) or not abs(np.linalg.det(scaled / size[:, None])) >= _SINGULAR:
         raise CalibrationError("its clicks lie on one spot or on one line, which fixes no axes. Calibrate anew")
     inverse = np.linalg.inv(matrix)
     return Coordinate(inverse @ linear_values, inverse @ weights, scale)
@@ -192,16 +194,26 @@ class Calibration:
         """The same covariance by as few independent errors as it has, shape (m, 2, r).
 
         Each coordinate of a point is linear in the three numbers that clicks fix of it: r is at most six, or
-        four where axes do not turn, and at most 2m. The largest comes first, its largest part positive.
+        four where axes do not turn. They are the same errors for any points.
         """
-        errors = self.common_errors(points, pixels)
-        reading = self.reading_errors(points, pixels)[:, :, None]
-        whitened = (errors / reading).reshape(2 * len(points), -1)
-        left, size, _ = np.linalg.svd(whitened, full_matrices=False)
-        kept = size > _SINGULAR * size[0]
-        found = left[:, kept] * size[kept]
-        found *= np.sign(found[np.abs(found).argmax(axis=0), np.arange(found.shape[1])])
-        return np.asarray(found.reshape(len(points), 2, -1) * reading)
+        return np.asarray(self.common_errors(points, pixels) @ self._directions())
+
+    def _directions(self) -> FloatArray:
+        """Orthonormal combinations of the errors of clicks, (2n, r), that move any value at all."""
+        moved = np.vstack([(each.gain[:, :, None] * each.theta[:2]).reshape(3, -1) for each in (self.x, self.y)])
+        size = np.linalg.norm(moved, axis=1, keepdims=True)
+        _, singular, right = np.linalg.svd(moved / np.where(size > 0.0, size, 1.0), full_matrices=False)
+        found = right[singular > _SINGULAR * singular[0]].T
+        return np.asarray(found * np.sign(found[np.abs(found).argmax(axis=0), np.arange(found.shape[1])]))
+
+    @property
+    def digest(self) -> str:
+        """A word for the clicks and what they are said to be: the same for whatever points are read with them."""
+        digest = hashlib.sha256()
+        for each in (self.x, self.y):
+            for part in (each.theta, each.gain, np.array([each.scale.is_log, each.scale.sign])):
+                digest.update(np.ascontiguousarray(part, dtype=float).tobytes())
+        return digest.hexdigest()[:16]
 
 
 def from_axis_clicks(

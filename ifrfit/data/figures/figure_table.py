@@ -54,6 +54,8 @@ def cells_of_figure(path: Path, conventions: Conventions) -> Cells | None:
     if question is not None:
         question.require_axes()
     head = _head(path)
+    if head is None and question is not None:
+        read_bytes(path)  # which says why it cannot be read
     importer = importer_of(head, as_points=question is not None) if head is not None else None
     if importer is None:
         return None
@@ -138,6 +140,7 @@ def _table(
         list(columns.values()),
         word="point",
         notes=tuple(notes),
+        calibration="" if calibration is None else calibration.digest,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import tarfile
-from pathlib import PurePosixPath
+from pathlib import PurePosixPath, PureWindowsPath
 
 from ifrfit.data.figures.located_json import LARGEST_JSON
 from ifrfit.errors import DataError
@@ -59,8 +59,8 @@ def project_of_tar(raw: bytes, file: str) -> tuple[bytes, str]:
 def _refuse_member(member: tarfile.TarInfo, size: int, file: str) -> None:
     name = member.name if len(member.name) <= 60 else f"{member.name[:60]}..."
     name = "".join(letter if letter.isprintable() else "?" for letter in name)
-    path = PurePosixPath(member.name)
-    if path.is_absolute() or ".." in path.parts:
+    # of Windows, too, whose paths part at either slash
+    if any(path.anchor or ".." in path.parts for path in (PurePosixPath(member.name), PureWindowsPath(member.name))):
         raise DataError(f"{file}, {name}: leads out of the archive, which no project does. {_REMEDY}")
     if not (member.isfile() or member.isdir()):
         raise DataError(f"{file}, {name}: is a link or a device, which no project has. {_REMEDY}")

@@ -8,16 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ifrfit.errors import DataError, UsageError
+from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
 from ifrfit.inference.model.common_errors import CommonErrorFit, whitening
-from ifrfit.inference.model.common_likelihood import CommonLikelihood, refuse_beside
+from ifrfit.inference.model.common_likelihood import CommonLikelihood
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
-from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, slopes
 from ifrfit.inference.model.rows import Index
@@ -29,13 +27,7 @@ from ifrfit.inference.optimize.angle_offset import (
     prior_sd_of,
     slope_by_offset,
 )
-from ifrfit.inference.optimize.generalised_least_squares import (
-    common_at,
-    common_step,
-    local_minima,
-    outlying,
-    partitions,
-)
+from ifrfit.inference.optimize.common_error_search import with_common_errors
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.noise_modes import NoiseModes, likely_sigma, noise_modes, phi
@@ -48,18 +40,8 @@ _ITERATIONS = 100
 _CONVERGED = 1e-10
 _REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
-_COMMON_STEPS = 60  # over common errors
-_COMMON_CONVERGED = 1e-8  # of them, in sd
-_SIMPLEX = 0.3  # of a common error, by which the search without slopes begins
-_MOST_TRIED = 250  # places of it for each
-_RESTED = 1e-6  # of common errors and of the objective, between all places of its simplex
-_OTHER_STARTS = 3
-_COARSELY = 1e-3  # the same, where several ends of a search are compared
-_SAME_STEP = 1e-2  # of two first steps that lead the same way
-_SAME_COMMON = 1e-2  # sd of common errors at two ends of a search that are one
-_HALVINGS = 12
-_SMALLEST_SHARE, _SHRINKS = 1.0 / 16.0, 0.9  # of a step
 _REWEIGHTINGS = 60
+_PATIENCE = 8  # of them, for a smaller change
 _WEIGHTS_CONVERGED = 1e-8
 _SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
 _SMALLEST_FACTOR = 1e-6  # on sigma: a smaller one says that the misfit is nothing but rounding
@@ -140,7 +122,7 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
     if problem.common is not None:
-        return _with_common_errors(problem, start, proven=proven)
+        return with_common_errors(problem, _at_common, start, proven=proven)
     if problem.parameters.is_tied and not problem.noise.is_known:
         return _with_plain_errors(problem, start, searched_sigma(problem))
     if not problem.error_model.is_plain:
@@ -155,119 +137,6 @@ def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
     if found.common is not None:
         return problem.at_common(found.common.value)
     return problem if found.angle_offset is None else problem.at_offset(found.angle_offset.value)
-
-
-def _with_common_errors(
-    problem: Problem, start: Array | None = None, *, proven: bool = True
-) -> LeastSquaresFit:
-    """Fit under errors that rows have in common: the fit at the best of them, and what that adds to it.
-
-    At given ones the question is an ordinary one, of which the optimum over the constants is certified (where
-    the closure has a certificate). Over the common errors it is proven where these move values alone, and
-    sigma and the least of every partition are known (`partitions`): the optimum is the least of all. Else it
-    is searched: downhill from none at all, and from where each other local minimum would have them.
-    """
-    reason = refuse_beside(problem)
-    if reason:
-        raise UsageError(reason)
-    assert problem.common is not None
-    nothing = np.zeros(len(problem.common))
-    first = _at_common(problem, nothing, start, proven=proven)
-    known = local_minima(partitions(problem, first.sigma, nothing))[:_OTHER_STARTS]
-    if known and _has_exact_partitions(problem):
-        fit = _at_common(problem, common_at(problem, first.sigma, known[0].theta))
-        return replace(fit, optimum=_with_partitions(problem, fit, []))
-    places = [first.optimum.theta, *(theta for _, theta in first.optimum.minima[1 : 1 + _OTHER_STARTS])]
-    found: list[tuple[float, LeastSquaresFit]] = []
-    steps: list[Array] = []
-    for theta in (*places, *(each.theta for each in known)):
-        loadings = CommonLikelihood(problem, nothing).loadings(theta[None])[0]
-        step = common_step(problem.at_common(nothing), first.sigma, theta, loadings, nothing)
-        if any(np.abs(step - other).max() < _SAME_STEP for other in steps):
-            continue
-        steps.append(step)
-        fit, objective = _descended(problem, first, step, _COARSELY)
-        if all(not _is_same(fit, other) for _, other in found):
-            found.append((objective, fit))
-    (best, fit), *others = sorted(found, key=lambda pair: pair[0])
-    rises = [(objective - best, each.optimum.theta) for objective, each in others]
-    assert fit.common is not None
-    value = fit.common.value
-    at_best = problem.at_common(value)
-    step = common_step(at_best, fit.sigma, fit.optimum.theta, fit.common.loadings, value)
-    fit, _ = _descended(problem, fit, step, _COMMON_CONVERGED)
-    if problem.common.turns_angles:
-        fit = _below_kinks(problem, fit)
-    return replace(fit, optimum=_with_partitions(problem, fit, rises))
-
-
-def _below_kinks(problem: Problem, fit: LeastSquaresFit) -> LeastSquaresFit:
-    """The fit at the least objective about another, by a search that needs no slopes.
-
-    Common errors that turn angles move impacts across the transition: there the objective has kinks, on which
-    steps along slopes come to rest.
-    """
-    from scipy.optimize import minimize
-
-    assert fit.common is not None
-    start = fit.common.value
-
-    def at(value: Array) -> LeastSquaresFit:
-        return _at_common(problem, value, fit.optimum.theta, fit.sigma)
-
-    options: Any = {
-        "initial_simplex": np.vstack((start, start + _SIMPLEX * np.eye(start.size))),
-        "xatol": _RESTED,
-        "fatol": _RESTED,
-        "maxfev": _MOST_TRIED * start.size,
-        "adaptive": True,
-    }
-    lowest = minimize(  # type: ignore[call-overload]
-        lambda value: _objective_at(problem, at(value), fit.sigma),
-        start,
-        method="Nelder-Mead",
-        options=options,
-    )
-    found = at(lowest.x)
-    return found if lowest.fun < _objective_at(problem, fit, fit.sigma) else fit
-
-
-def _has_exact_partitions(problem: Problem) -> bool:
-    """Whether rows are linear in the common errors, and their covariance is known."""
-    moves_values = problem.common is not None and not problem.common.turns_angles
-    return moves_values and problem.noise.is_known and problem.error_model.is_plain
-
-
-def _with_partitions(problem: Problem, fit: LeastSquaresFit, others: list[tuple[float, Array]]) -> Optimum:
-    """The optimum over constants and common errors, with its other minima, and its proof where there is one.
-
-    `others` are ends of the search: how far they lie higher, and theta.
-    """
-    assert problem.common is not None
-    assert fit.common is not None
-    objective = fit.optimum.objective + fit.common.square
-    every = partitions(problem, fit.sigma, fit.common.value)
-    least = min((each.objective for each in every), default=0.0)
-    gap = max(0.0, objective - least) if every and _has_exact_partitions(problem) else None
-    beside = [(each.objective - least, each.theta) for each in local_minima(every)[1:]]
-    rises = sorted((*others, *beside), key=lambda pair: pair[0])
-    minima = [(objective, fit.optimum.theta)]
-    minima += [(objective + rise, theta) for rise, theta in rises if rise <= NEAR]
-    method = "at the best common errors" + ("" if gap is not None else ", which are searched")
-    return replace(
-        fit.optimum,
-        objective=objective,
-        gap=gap,
-        minima=tuple(minima),
-        extremes=tuple(each.theta for each in outlying(problem, every)) if every else fit.optimum.extremes,
-        method=f"{fit.optimum.method}, {method}",
-    )
-
-
-def _is_same(one: LeastSquaresFit, other: LeastSquaresFit) -> bool:
-    assert one.common is not None
-    assert other.common is not None
-    return bool(np.abs(one.common.value - other.common.value).max() < _SAME_COMMON)
 
 
 def _at_common(
@@ -294,56 +163,6 @@ def _at_common(
     else:
         found = _iteratively_reweighted(there, common=loadings)
     return replace(found, common=CommonErrorFit(value, loadings(found.optimum.theta)))
-
-
-def _descended(
-    problem: Problem, first: LeastSquaresFit, step: Array, tolerance: float
-) -> tuple[LeastSquaresFit, float]:
-    """The fit at the nearest minimum over the common errors, from a fit and one step on; and its objective.
-
-    Where sigma is known, each step makes the objective smaller. Else steps are halved while they do not
-    shrink, and the objective is chi2 at the noise of the first fit.
-    """
-    is_known = problem.noise.is_known and problem.error_model.is_plain
-    assert first.common is not None
-    value, fit = first.common.value, first
-    objective = math.inf  # the first step leads to where another minimum may be
-    near = None if problem.closure.bilinear else first.optimum.theta
-    size, share = math.inf, 1.0
-    for _ in range(_COMMON_STEPS):
-        if not is_known:
-            share = max(_SMALLEST_SHARE, 0.5 * share) if np.linalg.norm(step) > _SHRINKS * size else share
-        moved, other, lower = value, fit, objective
-        for _ in range(_HALVINGS):
-            moved = value + share * step
-            other = _at_common(problem, moved, near, fit.sigma)
-            lower = _objective_at(problem, other, first.sigma)
-            if not is_known or lower <= objective:
-                break
-            share *= 0.5
-        else:
-            break  # on a kink: no step leads further down
-        size = float(np.linalg.norm(step))
-        value, fit, objective = moved, other, lower
-        if is_known:
-            share = 1.0
-        assert fit.common is not None
-        step = common_step(problem.at_common(value), fit.sigma, fit.optimum.theta, fit.common.loadings, value)
-        if np.linalg.norm(step) < tolerance:
-            return fit, objective
-    unconverged = max(fit.change, float(np.linalg.norm(step))) if not is_known else fit.change
-    return replace(fit, change=unconverged), objective
-
-
-def _objective_at(problem: Problem, fit: LeastSquaresFit, sigma: Array) -> float:
-    """chi2 with priors and common errors; where sigma is not known at that of another fit."""
-    assert fit.common is not None
-    if problem.noise.is_known and problem.error_model.is_plain:
-        return fit.optimum.objective + fit.common.square
-    there = problem.at_common(fit.common.value)
-    z = there.residual(fit.optimum.theta) / sigma
-    prior = problem.parameters.prior_residuals(fit.optimum.theta)
-    return float(z @ z + prior @ prior) + fit.common.square
 
 
 def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
@@ -552,14 +371,16 @@ def _iteratively_reweighted(
     law, nu = problem.error_model.law, problem.error_model.dof
     sigma, change = base * factor, math.inf
     before: Array | None = None
-    found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
+    optimum = solve(plain, sigma)
+    least, waited = math.inf, 0
     for _ in range(_REWEIGHTINGS):
-        theta = found.optimum.theta
+        theta = optimum.theta
         wide = _effective_sigma(problem, theta, factor)
         z = problem.residual(theta) / wide
         weight = law.weight(z, nu)
         if problem.noise.is_scaled:
-            dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
+            leverage = gaussian_approximation(plain, sigma, theta).leverage
+            dof = max(z.size - float(leverage.sum()), 0.5)
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
             wide = _effective_sigma(problem, theta, factor)
         new = wide / np.sqrt(weight)
@@ -568,16 +389,17 @@ def _iteratively_reweighted(
         ahead = None if before is None else end_of_steps(before, step)
         before = step if ahead is None else None
         sigma = new if ahead is None or change <= _WEIGHTS_CONVERGED else new * np.exp(ahead)
-        found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
-        if change <= _WEIGHTS_CONVERGED:
+        optimum = solve(plain, sigma)
+        least, waited = (change, 0) if change < least else (least, waited + 1)
+        if change <= _WEIGHTS_CONVERGED or waited == _PATIENCE:  # a row at a kink weighs now more, now less
             break
     wider = 1.0 / math.sqrt(law.information(nu))
-    loadings = None if common is None else common(found.optimum.theta)
-    gaussian = gaussian_approximation(plain, sigma * wider, found.optimum.theta, common=loadings)
+    loadings = None if common is None else common(optimum.theta)
+    gaussian = gaussian_approximation(plain, sigma * wider, optimum.theta, common=loadings)
     dof = math.inf
     if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
-    optimum = replace(found.optimum, gap=None, method=f"{found.optimum.method}, {ITERATED}")
+    optimum = replace(optimum, gap=None, method=f"{optimum.method}, {ITERATED}")
     return LeastSquaresFit(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
 
 

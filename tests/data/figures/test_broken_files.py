@@ -133,6 +133,10 @@ CASES = {
         "the x axis: all clicks on it are said to be at 5",
     ),
     "one spot": (with_axes(clicked(px=(9,) * 4, py=(9,) * 4)), "lie on one spot or on one line"),
+    "beyond numbers": (
+        with_axes(clicked(px=(1e308, -1e308, 1e308, 0.0))),
+        "lie on one spot or on one line",
+    ),
     "one line": (with_axes(clicked(px=(1, 2, 3, 4), py=(1, 2, 3, 4))), "lie on one spot or on one line"),
     "groups of a wrong type": (changed("datasetColl", 0, "groupNames", to="Upper"), "groupNames: is 'Upper', not a list"),
     "a group of text": (
@@ -181,6 +185,8 @@ CASES = {
     "tar of two": (as_tar(WHOLE, name="wpd.json", extra=(member("b/wpd.json"),)), "2 files called wpd.json"),
     "tar that leads out": (as_tar(WHOLE, extra=(member("../../x"),)), "../../x: leads out of the archive"),
     "tar from the root": (as_tar(WHOLE, extra=(member("/etc/x"),)), "leads out of the archive"),
+    "tar that leads out on Windows": (as_tar(WHOLE, extra=(member("..\\..\\x"),)), "leads out of the archive"),
+    "tar from a drive": (as_tar(WHOLE, extra=(member("C:\\x"),)), "leads out of the archive"),
     "tar with a link": (
         as_tar(WHOLE, extra=(member("figure/a", tarfile.SYMTYPE, link="/etc/passwd"),)),
         "figure/a: is a link or a device",
@@ -209,6 +215,7 @@ CASES = {
     "XML too deep": (b"<Document>" + b"<a>" * 100_000, "is nested more than 50 deep"),
     "XML of too much": (b"<Document>" + b"<a/>" * 600_000 + b"</Document>", "has too many elements"),
     "other XML": (b"<svg><Document/></svg>", "its root is 'svg', that of Engauge Digitizer is Document or ErrorReport"),
+    "XML of a tag without an end": (b'<Document a="' + b"x" * (20 * 2**20), "line 1, character 1: no XML from here"),
     "XML in no encoding": (b'<?xml version="1.0" encoding="nonsense"?><Document/>', "no XML"),
     "binary Engauge": (b"\x00\x00\xca\xfe" + bytes(99), "before version 6, whose binary files are not read"),
     "no scales": (XML.replace(b"<Coords ", b"<Other "), "has no Coords"),
@@ -261,7 +268,17 @@ def test_refused_with_file_and_place_and_nothing_written(tmp_path, monkeypatch, 
     assert len(re.findall(r"[.!?](?=\s+[A-Z]|\s*$)", said.stderr)) <= 2
     assert [each.name for each in Path().iterdir()] == ["figure"]
     assert most < 400 * 2**20
-    assert spent < 20.0
+    assert spent < 8.0
+
+
+@pytest.mark.parametrize(("name", "words"), [("folder", "this is a folder"), ("none", "there is no such file")])
+def test_what_is_no_file_is_refused(tmp_path, monkeypatch, name, words):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    said = in_this_process("import", name, "--x", "gamma_deg", "--y", "beta", "--out", "data.csv")
+    assert said.returncode == 3, said.stderr
+    assert said.stderr.startswith(f"ifrfit: {name}: {words}")
+    assert [each.name for each in Path().iterdir()] == ["folder"]
 
 
 _VALUES = st.recursive(
