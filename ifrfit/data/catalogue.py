@@ -12,7 +12,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ifrfit.data.common_errors import common_columns_in
 from ifrfit.data.descriptor import PACKAGE_FILE, read_package, to_descriptor, verified_data, write_folder
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
@@ -24,11 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ENVIRONMENT = "IFRFIT_DATA_DIR"
-# an installed dataset has the columns of the common schema alone
-_INDEPENDENT = (
-    "errors of the points are independent: those that all share, by the clicks on the axes, are left out, so "
-    "that intervals are too short (ifrfit fit of the figure itself counts them)"
-)
 
 
 @dataclass(frozen=True)
@@ -350,7 +344,7 @@ def _about(package: Mapping[str, Any], path: Path, table: pd.DataFrame) -> dict[
         "noise": None,
         "faces": [kept for group in own.get("faces", ()) if len(kept := _kept(group, series)) > 1],
         "inertia_factor": own.get("inertia_factor", 0.4),
-        "assumptions": [_INDEPENDENT] if common_columns_in(table.columns) else [],
+        "assumptions": [],
         "printed_constants": own.get("printed_constants", {}),
         "printed_constants_by_series": own.get("printed_constants_by_series", {}),
         "installed": {

@@ -49,6 +49,13 @@ def common_columns_in(names: Iterable[str]) -> list[str]:
     return sorted(found, key=lambda name: (int(found[name]["number"]), found[name]["angle"] or ""))
 
 
+def field_of(name: str) -> dict[str, str]:
+    """A column of a common error, as a field of a Frictionless table schema."""
+    moves = "the angle of incidence" if name.endswith("_gamma_deg") else "the value, in its unit"
+    what = f"What one standard deviation of an error that rows have in common adds to {moves}."
+    return {"name": name, "type": "number", "description": what}
+
+
 def numbers_in(names: Iterable[str]) -> list[int]:
     """Numbers of the common errors that have a column among these, ascending."""
     matches = (_COLUMN.fullmatch(name) for name in common_columns_in(names))

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ifrfit.data.common_errors import common_columns_in, field_of
 from ifrfit.data.observations import Descriptor
 from ifrfit.data.schema import PROVENANCES, SCHEMA, TABLE_SCHEMA
 from ifrfit.errors import DataError
@@ -46,9 +47,11 @@ def write_folder(folder: Path, about: Mapping[str, Any], table: pd.DataFrame) ->
         What the package says of itself apart from its numbers, as Frictionless has it: ``name``, ``title``,
         ``description``, ``licenses``, ``sources``; and the ``ifrfit`` object.
     table : DataFrame
-        Columns of the common schema, in any order; those that are missing stay empty. Numbers round-trip.
+        Columns of the common schema, in any order; those that are missing stay empty. Errors that rows have
+        in common keep their columns. Numbers round-trip.
     """
-    text = table.reindex(columns=SCHEMA).to_csv(index=False, lineterminator="\n")
+    shared = common_columns_in(table.columns)
+    text = table.reindex(columns=[*SCHEMA, *shared]).to_csv(index=False, lineterminator="\n")
     data = text.encode("utf-8")
     resource = {
         "profile": "tabular-data-resource",
@@ -59,7 +62,7 @@ def write_folder(folder: Path, about: Mapping[str, Any], table: pd.DataFrame) ->
         "encoding": "utf-8",
         "bytes": len(data),
         "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
-        "schema": TABLE_SCHEMA,
+        "schema": TABLE_SCHEMA | {"fields": [*TABLE_SCHEMA["fields"], *map(field_of, shared)]},
     }
     described = {key: about[key] for key in ("name", "title", "description", "licenses", "sources")}
     package = {

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from ifrfit import fit
+from ifrfit import fit, read
 from ifrfit.data import catalogue
+from ifrfit.data.common_errors import loadings_of
 from ifrfit.data.description import describe, listing_lines
 from ifrfit.data.schema import SCHEMA
 from ifrfit.errors import DataError, UsageError
@@ -535,6 +536,19 @@ def test_numbers_survive_installation_to_the_last_digit(tmp_path):
     catalogue.install("cross-2019", path)
     row = catalogue.load_dataset("cross-2019").table.iloc[0]
     assert (row["gamma_deg"], row["value"]) == (20.123456789012345, 0.1234567890123456)
+
+
+def test_errors_in_common_survive_installation(own_folder):
+    """A digitised figure in the place of a stand-in has the intervals that it has by itself."""
+    project = ROOT / "docs" / "how-to" / "digitise" / "figure.json"
+    axes = ("x=gamma_deg", "y=beta")
+    folder = catalogue.install("cross-2019", project, convention=axes)
+    assert frictionless.validate(str(folder / "datapackage.json")).valid
+    alone, installed = read(project, convention=axes), catalogue.load_dataset("cross-2019")
+    for ours, theirs in zip(loadings_of(installed.table), loadings_of(alone.table), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    catalogue.remove("cross-2019")
+    assert loadings_of(catalogue.load_dataset("cross-2019").table)[2] == ()
 
 
 def test_without_the_variable_the_users_data_folder_is_used(monkeypatch):
