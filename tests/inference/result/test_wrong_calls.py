@@ -144,3 +144,10 @@ def test_rows_of_a_table_in_memory_are_rows_and_of_a_file_are_lines(tmp_path):
             each.report(tmp_path / "report.md")
             assert f"in {name.removesuffix(' (beta)')}." in (tmp_path / "report.md").read_text()
             assert np.flatnonzero(is_outlier(each, each.points)).tolist() == [7]
+
+
+def test_an_option_that_is_an_object_is_told_as_one():
+    with pytest.raises(
+        ifrfit.UsageError, match=r"'effective' is no AngleErrors\. Give ifrfit\.AngleErrors\("
+    ):
+        ifrfit.Noise("known", angles="effective")
