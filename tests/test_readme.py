@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 import shlex
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -89,40 +88,6 @@ def test_the_table_of_priors_is_that_of_the_laws():
         law = eval(f"ifrfit.{in_python}")
         assert read_law(in_shell) == law
     assert len(re.findall(r"--prior \w+=[a-z]+:", page)) == 5
-
-
-@pytest.mark.parametrize(
-    "row", [r"log-normal", r"Student's t", r"errors of angles, effective", r"set or measured"]
-)
-def test_the_table_of_methods_is_what_they_do(row):
-    page = (ROOT / "docs" / "priors.md").read_text("utf-8")
-    (line,) = re.findall(rf"^\| [^|]*{row}[^|]*\|(.*)\|$", page, re.MULTILINE)
-    data = {
-        "gamma_deg": np.linspace(5.0, 80.0, 20),
-        "beta": ifrfit.rebound(np.linspace(5.0, 80.0, 20), e_n=0.9, e_t=-0.7, mu=0.15, degrees=True).beta,
-        "sigma": 0.02,
-    }
-    angles = {"errors of angles, effective": "effective", "set or measured": "set"}.get(row)
-    noise = ifrfit.Noise(
-        "known",
-        tails="student-t" if row.startswith("Student") else "gaussian",
-        angles=None if angles is None else ifrfit.AngleErrors(angles, sigma_deg=1.0),
-    )
-    prior = {"mu": ifrfit.LogNormal(0.15, 0.1)} if row == "log-normal" else {}
-    for method, said in zip(("exact", "lsq", "profile", "bootstrap"), _of_methods(line), strict=True):
-        asked = partial(ifrfit.fit, data, fix={"e_n": 0.9}, prior=prior, noise=noise, method=method)
-        if said == "refused":
-            with pytest.raises(ifrfit.UsageError):
-                asked()
-        else:
-            assert asked().method == method
-
-
-def _of_methods(line):
-    """What a line of the table says of exact, lsq, profile and bootstrap; mcmc takes long and does all."""
-    exact, mcmc, *others, _ = (cell.strip() for cell in line.split("|"))
-    assert mcmc == "yes"
-    return exact, *others
 
 
 def test_every_file_that_is_linked_exists():

@@ -11,5 +11,5 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 # A command lives for seconds and drops little: looking for garbage took a fifth of its time, and the last
 # looks as the interpreter ends, among objects that the system takes back anyway, another fifth.
-gc.set_threshold(200_000, 20, 50)
+gc.set_threshold(500_000, 20, 50)
 atexit.register(gc.freeze)

@@ -10,7 +10,7 @@ import typer
 
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import DATA, METHOD
-from ifrfit.cli.options import SharedCommand, command_line
+from ifrfit.cli.options import Scheduler, SharedCommand, Workers, command_line
 from ifrfit.cli.output import Quiet, interrupted, say, working
 from ifrfit.errors import UsageError
 
@@ -46,23 +46,8 @@ def campaign(
             rich_help_panel=METHOD,
         ),
     ] = True,
-    workers: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            help="Processes; the results do not depend on them.",
-            min=1,
-            rich_help_panel=METHOD,
-        ),
-    ] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Dask scheduler whose workers fit the groups.  [default: none]",
-            rich_help_panel=METHOD,
-        ),
-    ] = None,
+    workers: Workers = 1,
+    scheduler: Scheduler = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with an unfinished campaign.", rich_help_panel=METHOD)
     ] = False,

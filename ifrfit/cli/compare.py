@@ -11,7 +11,15 @@ import typer
 
 from ifrfit.cli.completion import completer
 from ifrfit.cli.grouped_help import METHOD, MODEL
-from ifrfit.cli.options import Repeated, SharedCommand, are_streamed, command_line, words
+from ifrfit.cli.options import (
+    Repeated,
+    Scheduler,
+    SharedCommand,
+    Workers,
+    are_streamed,
+    command_line,
+    words,
+)
 from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
 
 
@@ -41,23 +49,8 @@ def compare(
             rich_help_panel=METHOD,
         ),
     ] = True,
-    workers: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            help="Processes that read data not held in memory; no number depends on them.",
-            min=1,
-            rich_help_panel=METHOD,
-        ),
-    ] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Dask scheduler whose workers do so, as tcp://host:8786.  [default: none]",
-            rich_help_panel=METHOD,
-        ),
-    ] = None,
+    workers: Workers = 1,
+    scheduler: Scheduler = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write compare.json, .svg and .png there.")
     ] = None,

@@ -23,6 +23,24 @@ Data = Annotated[
     typer.Argument(metavar="DATA", help="Files, or names of bundled datasets.", autocompletion=complete_data),
 ]
 
+Workers = Annotated[
+    int,
+    typer.Option(
+        metavar="N",
+        help="Processes that fit groups, or read data not held in memory; no number depends on them.",
+        min=1,
+        rich_help_panel=METHOD,
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers do so, as tcp://host:8786.  [default: none]",
+        rich_help_panel=METHOD,
+    ),
+]
+
 
 def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     """NAME=VALUE, or NAME=A,B, as a dictionary."""

@@ -84,6 +84,8 @@ class Cells:
         ``line``, ``row`` or ``point``.
     counted : str
         How rows are numbered, in messages, where people might count in another way; empty for lines.
+    labels : tuple of str
+        What the index of a data frame calls each row, where that is no number; else empty.
     notes : tuple of str
         Sentences about the file that go with every result.
     calibration : str
@@ -101,6 +103,7 @@ class Cells:
     decimal_commas: bool = False
     word: str = "line"
     counted: str = ""
+    labels: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     calibration: str = ""
     in_memory: bool = False
@@ -124,7 +127,9 @@ class Cells:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""
         parts = [self.file]
         if row is not None:
-            parts.append(f"{self.word} {self.lines[row]}{self.counted and f' ({self.counted})'}")
+            called = f"index {show(self.labels[row])}" if self.labels else ""
+            how = ", ".join(filter(None, (self.counted, called)))
+            parts.append(f"{self.word} {self.lines[row]}{how and f' ({how})'}")
         elif header is not None and self.word == "line":
             parts.append(f"line {self.header_line}")
         if header is not None:

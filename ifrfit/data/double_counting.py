@@ -124,7 +124,7 @@ def _refuse_named(
         found = _same_measurement(links, bits, column)
         if found is not None:
             here, values = found
-            where = f"{table['source'].iloc[here]}, line {table['row'].iloc[here]}"
+            where = f"{table['source'].iloc[here]}:{table['row'].iloc[here]}"
             raise UsageError(
                 f"{option} {' '.join(chosen)}: {' and '.join(values)} are of the same impacts ({where}, for "
                 "one) and would count them twice. Name one of them, or say --independent if they were "

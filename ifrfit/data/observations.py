@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +86,8 @@ class Source:
         What was chosen from the source, in words; empty where all of it is used.
     descriptor : Descriptor or None
         For bundled or installed datasets.
+    word : {"line", "row"}
+        What `row` of the table counts: lines of a text, or rows of a table.
     headers : mapping of str to tuple of str
         Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin;
         under ``spin`` those of the spin before impact.
@@ -99,7 +101,14 @@ class Source:
     provenance: str = ""
     selection: str = ""
     descriptor: Descriptor | None = field(default=None, metadata={"optional": True})
+    word: str = field(default="line", metadata={"optional": True})
     headers: Mapping[str, tuple[str, ...]] = field(default_factory=dict, metadata={"internal": True})
+
+
+def word_of(sources: Iterable[Source], name: str = "") -> str:
+    """What the rows of a source are called, or those of all: rows where they are of tables, else lines."""
+    words = {source.word for source in sources if not name or source.name == name}
+    return "row" if words == {"row"} else "line"
 
 
 class _Frame:

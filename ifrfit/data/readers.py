@@ -195,6 +195,7 @@ def _assemble(layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int
         rows_used=len(rows),
         rows_skipped=skipped,
         provenance=stated,
+        word="row" if cells.word == "row" else "line",
         headers=source_headers(layout),
     )
     notes = (*cells.notes, *layout.notes)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.derived_columns import contradictions
 from ifrfit.data.double_counting import count, double_counted, shares_e_n
-from ifrfit.data.observations import Observations, Source
+from ifrfit.data.observations import Observations, Source, word_of
 from ifrfit.data.repeat_readings import repeat_readings
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.observables import OBSERVABLES
@@ -92,7 +92,8 @@ def select(obs: Observations, selection: Selection) -> Observations:
     why = np.full(len(table), "", dtype=object)
     for reason, keep in _filters(table, selection):
         why[(why == "") & ~keep] = reason
-    unwanted = [excluded(table, str(entry).strip()) for entry in selection.exclude]
+    word = word_of(obs.sources)
+    unwanted = [excluded(table, str(entry).strip(), word) for entry in selection.exclude]
     why[(why == "") & np.any(unwanted, axis=0)] = "excluded"
     if not np.any(why == ""):
         raise DataError(_nothing_left(why, selection))
@@ -252,7 +253,8 @@ def rows_with_sigma(obs: Observations) -> Observations:
         if not 0 < known < rows.size:
             continue
         if 2 * known < rows.size:
-            notes.append(_used_for_none(table.iloc[rows[~given[rows]][0]], known, rows.size))
+            first = table.iloc[rows[~given[rows]][0]]
+            notes.append(_used_for_none(first, word_of(obs.sources, first["source"]), known, rows.size))
             sigma[rows] = np.nan
         else:
             lacks[rows] = ~given[rows]
@@ -264,10 +266,10 @@ def rows_with_sigma(obs: Observations) -> Observations:
     return replace(obs, table=kept, sources=sources).with_note(*notes)
 
 
-def _used_for_none(first: Mapping[str, Any], known: int, n: int) -> str:
+def _used_for_none(first: Mapping[str, Any], word: str, known: int, n: int) -> str:
     """What is said where most values of a series and observable lack the sigma that others have."""
     return (
-        f"{first['source']}, line {first['row']}: no sigma, and only {known} of {n} values of "
+        f"{first['source']}, {word} {first['row']}: no sigma, and only {known} of {n} values of "
         f"{first['observable']} in {first['series']} have one, which is not used: the noise of all comes "
         "from the misfit. Give it to the others, or leave them out."
     )
@@ -281,8 +283,15 @@ def _counted(source: Source, table: pd.DataFrame, why: NDArray[np.object_]) -> S
     return replace(source, rows_used=int(np.count_nonzero(here & (why == ""))), rows_skipped=dict(skipped))
 
 
-def excluded(table: pd.DataFrame, entry: str) -> Mask:
+def excluded(table: pd.DataFrame, entry: str, word: str = "line") -> Mask:
     """Return which rows an entry names: ``7`` or ``FILE:7`` is a line, ``id:7`` or other text an impact_id.
+
+    Parameters
+    ----------
+    table : DataFrame
+    entry : str
+    word : {"line", "row"}
+        What a number counts, in messages.
 
     Raises
     ------
@@ -294,24 +303,25 @@ def excluded(table: pd.DataFrame, entry: str) -> Mask:
         impacts = (table["impact_id"] == entry[3:]).to_numpy()
         rows = np.zeros(len(table), dtype=bool)
     else:
-        rows = _rows(table, entry)
+        rows = _rows(table, entry, word)
     both = bool(rows.any() and impacts.any())
     if both and not np.array_equal(rows, impacts):
         name = table["source"].to_numpy()[rows][0]
         raise UsageError(
-            f"--exclude {entry}: could be line {entry} or the impact called {entry}. Write {name}:{entry} "
-            f"for the line, id:{entry} for the impact."
+            f"--exclude {entry}: could be {word} {entry} or the impact called {entry}. Write {name}:{entry} "
+            f"for the {word}, id:{entry} for the impact."
         )
     found = rows | impacts
     if not found.any():
+        where = "line of the file, FILE:LINE" if word == "line" else "row of the table, TABLE:ROW"
         raise UsageError(
-            f"--exclude {entry}: names no row and no impact of the data. Give the number of a line of the "
-            "file, FILE:LINE, or an impact_id."
+            f"--exclude {entry}: names no row and no impact of the data. Give the number of a {where}, or an "
+            "impact_id."
         )
     return found
 
 
-def _rows(table: pd.DataFrame, entry: str) -> Mask:
+def _rows(table: pd.DataFrame, entry: str, word: str) -> Mask:
     source, colon, number = entry.rpartition(":")
     if not number.isdecimal():
         return np.zeros(len(table), dtype=bool)
@@ -323,7 +333,7 @@ def _rows(table: pd.DataFrame, entry: str) -> Mask:
     sources = list(dict.fromkeys(table["source"].to_numpy()[here]))
     if len(sources) > 1:
         raise UsageError(
-            f"--exclude {entry}: there is a line {entry} in {' and in '.join(sources)}. Write "
+            f"--exclude {entry}: there is a {word} {entry} in {' and in '.join(sources)}. Write "
             f"{sources[0]}:{entry}."
         )
     return here

@@ -51,8 +51,14 @@ def refuse_other(given: object) -> NoReturn:
             f"An array of shape {given.shape} is no table of impacts, because its columns have no names: "
             'give a mapping, as {"gamma_deg": array[:, 0], "beta": array[:, 1]}.'
         )
+    if isinstance(given, pd.Series):
+        raise UsageError(
+            f"A Series ({given.name!r:.40}) is one column of a table: give a data frame, or columns by "
+            "keyword (gamma_deg=[...], beta=[...])."
+        )
+    shown = " ".join(repr(given).split())
     raise UsageError(
-        f"{given!r:.40} ({type(given).__name__}) is no table of impacts: give a path, a data frame, or a "
+        f"{shown:.40} ({type(given).__name__}) is no table of impacts: give a path, a data frame, or a "
         "mapping of columns."
     )
 
@@ -88,6 +94,7 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
         twice.
     """
     counted = "counted from 0"
+    labels: tuple[str, ...] = ()
     if is_records(table):
         table = _of_records(table)
     if not isinstance(table, pd.DataFrame | Mapping):
@@ -101,7 +108,7 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
         frame = table if isinstance(table, pd.DataFrame) else _frame(table, name)
         names = [_header(each) for each in frame.columns]
         columns = [_column(frame.iloc[:, i], each, name) for i, each in enumerate(names)]
-        rows = _row_numbers(frame)
+        rows, labels = _row_numbers(frame), _labels(frame)
         if rows[:1].any() or (np.diff(rows) != 1).any():
             counted = "as the index has it"
     if not names:
@@ -109,7 +116,16 @@ def cells_of_table(table: Any, name: str = TABLE) -> Cells:
     if not rows.size:
         raise DataError(f"{name}: there is no row. Give one impact a row.")
     cells = Cells(
-        name, _digest(names, columns), names, 0, rows, columns, word="row", counted=counted, in_memory=True
+        name,
+        _digest(names, columns),
+        names,
+        0,
+        rows,
+        columns,
+        word="row",
+        counted=counted,
+        labels=labels,
+        in_memory=True,
     )
     check_headers(cells)
     return cells
@@ -195,6 +211,13 @@ def _row_numbers(frame: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.int64]]:
     if pd.api.types.is_integer_dtype(index.dtype) and index.is_unique and len(index) and index.min() >= 0:
         return np.asarray(index, dtype=np.int64)
     return np.arange(len(frame))
+
+
+def _labels(frame: pd.DataFrame) -> tuple[str, ...]:
+    """What the index calls each row; nothing where it holds numbers."""
+    if pd.api.types.is_numeric_dtype(frame.index.dtype):
+        return ()
+    return tuple(str(each) for each in frame.index)
 
 
 def _digest(names: Sequence[str], columns: Sequence[CellColumn | DataError]) -> str:

@@ -335,17 +335,14 @@ def check_headers(cells: Cells) -> None:
         With the place.
     """
     seen: dict[str, int] = {}
+    where = cells.file if cells.in_memory else f"{cells.file}, {cells.word} {cells.header_line}"
     for number, header in enumerate(cells.headers, start=1):
         if not header:
-            raise DataError(
-                f"{cells.file}, {cells.word} {cells.header_line}, column {number}: the column has no name. "
-                "Name it or remove it."
-            )
+            raise DataError(f"{where}, column {number}: the column has no name. Name it or remove it.")
         key = header.lower() if not header.startswith(("Omega", "Ω", "omega", "ω")) else header
         if key in seen:
             raise DataError(
-                f"{cells.file}, {cells.word} {cells.header_line}: columns {seen[key]} and {number} are both "
-                f"called '{header}'. Rename or remove one."
+                f"{where}: columns {seen[key]} and {number} are both called '{header}'. Rename or remove one."
             )
         seen[key] = number
 

@@ -10,6 +10,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
 from ifrfit.inference.option_fields import build, check_form, given, plain
 from ifrfit.inference.options import Model, Noise, Range
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.text import meant
 
 if TYPE_CHECKING:
@@ -97,8 +98,15 @@ def check_keywords(function: str, allowed: type, keywords: Mapping[str, object])
     ------
     TypeError
         As Python does.
+    UsageError
+        For weights.
     """
     for keyword in keywords:
+        if keyword == "weights":
+            raise UsageError(
+                "weights: some write them for 1/sigma and some for 1/sigma^2. Give sigma itself, with "
+                "--noise scaled where only its proportions are known."
+            )
         if keyword not in allowed.__annotations__:
             close = meant(keyword, list(allowed.__annotations__))
             raise TypeError(
@@ -166,6 +174,23 @@ def _refuse_labels(function: str, columns: Mapping[str, Any], keywords: Mapping[
             )
 
 
+def _no_model(given: object) -> str:
+    """What is said of a second argument that is no Model: data are one argument, the rest goes by keyword."""
+    if not isinstance(given, str):
+        return (
+            f"The second argument is a Model, not {type(given).__name__}: give columns by keyword, "
+            "gamma_deg=[...], beta=[...], or together in one table."
+        )
+    if given in ESTIMATORS:
+        return f"model: {given!r} is no Model but a method: say --method {given}."
+    if given in CLOSURES:
+        return f"model: {given!r} is no Model but a closure: say --closure {given}."
+    return (
+        f"model: {given!r:.60} is no Model. Name a closure by --closure ifr, a method by --method exact, and "
+        "several files or datasets in one list."
+    )
+
+
 def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     """The model of an object or of keywords.
 
@@ -177,7 +202,7 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     params = keywords.get("params")
     _refuse_class("model", model, 'Model("ifr")')
     if model is not None and not isinstance(model, Model):
-        raise UsageError(f"model: {model!r:.60} is no Model. Name a closure by --closure {model!s:.30}.")
+        raise UsageError(_no_model(model))
     if model is not None:
         said = given(Model, keywords) | ({} if params is None else {"params": params})
         if said:

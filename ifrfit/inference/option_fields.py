@@ -115,10 +115,17 @@ class Options:
     Raises
     ------
     UsageError
-        For a value that is not of the form of its option, and a number below its least value.
+        For a value that is not of the form of its option or of its class, and a number below its least value.
     """
 
     def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            owner, value = each.metadata.get(_NESTED), getattr(self, each.name)
+            if owner is not None and value is not None and not isinstance(value, owner):
+                raise UsageError(
+                    f"{type(self).__name__}({each.name}=...): {value!r:.40} is no {owner.__name__}. Give "
+                    f"ifrfit.{owner.__name__}({value!r:.40})."
+                )
         for name, stated, is_checked in _own_options(type(self)):  # type: ignore[arg-type]
             value = getattr(self, name)
             if value is None:

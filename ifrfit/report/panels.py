@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.observations import word_of
 from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.prediction import kinks_of
 from ifrfit.physics import OBSERVABLES
 from ifrfit.report.modes import other_modes
 from ifrfit.report.provenance import STAND_IN
@@ -265,11 +267,14 @@ def is_outlier(result: FitResult, rows: pd.DataFrame) -> Mask:
     if fact is not None and "limit" in fact.figures:
         named = {str(name) for name in fact.figures.get("rows") or ()}
         found = np.zeros(len(rows), dtype=bool)
-        # line numbers first: to write the names of all of many rows takes long
-        numbers_of = {int(n) for name in named for n in re.findall(r" line (\d+) ", name)}
+        # numbers first: to write the names of all of many rows takes long
+        numbers_of = {int(n) for name in named for n in re.findall(r" (?:line|row) (\d+) ", name)}
         candidates = np.flatnonzero(rows["row"].isin(numbers_of).to_numpy())
         places = rows[["source", "row", "observable"]].iloc[candidates].itertuples(index=False)
-        found[candidates] = [f"{p.source} line {p.row} ({p.observable})" in named for p in places]
+        words = {str(name): word_of(result.inputs, str(name)) for name in rows["source"].unique()}
+        found[candidates] = [
+            f"{p.source} {words[str(p.source)]} {p.row} ({p.observable})" in named for p in places
+        ]
         return found
     return np.asarray(np.abs(rows["standardised"].to_numpy(dtype=float)) > outlier_limit(result))
 
@@ -291,7 +296,8 @@ def handle(marker: str, size: float, face: str, edge: str = GREY) -> Line2D:
 def curves(result: FitResult, observable: str, names: list[str], *, bands: bool = True) -> list[Curve]:
     """Predict an observable for each series at its typical spin, along the incidence angle, (n,).
 
-    Transition angles are among them. A single place, 0, where no angle enters the observable.
+    Transition angles are among them, or, without bands, the kinks of the curve itself. A single place, 0,
+    where no angle enters the observable.
     """
     styles, found = series_styles([str(name) for name in result.points["series"].unique()]), []
     for series in names:
@@ -299,9 +305,12 @@ def curves(result: FitResult, observable: str, names: list[str], *, bands: bool 
         rows = rows[rows["gamma_deg"].notna()]
         x, gamma, spin = np.zeros(1), np.full(1, 45.0), (0.0, 0.0)
         if has_angle(observable):
-            angles = [e.value for e in transitions(result, series) if e.value is not None]
-            x = gamma = np.unique(np.concatenate([GRID, angles]))
             spin = float(rows["spin_x"].median()), float(rows["spin_y"].median())
+            known = transitions(result, series) if bands else ()
+            kinks = (
+                [e.value for e in known if e.value is not None] if bands else kinks_of(result, series, *spin)
+            )
+            x = gamma = np.unique(np.concatenate([GRID, kinks]))
         table = result.predict(gamma, *spin, observable=observable, series=series, bands=bands)
         pen = Pen(styles[series].colour, styles[series].line)
         value, band = table["value"].to_numpy(dtype=float), Band.of(table) if bands else None

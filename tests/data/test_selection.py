@@ -152,7 +152,7 @@ def test_naming_a_conflict_is_refused_unless_independent():
     with refused(UsageError) as caught:
         select(obs, Selection(observable=("beta", "beta_cm")))
     assert caught.value.in_shell == (
-        "--observable beta beta_cm: beta and beta_cm are of the same impacts (a.csv, line 3, for one) and "
+        "--observable beta beta_cm: beta and beta_cm are of the same impacts (a.csv:3, for one) and "
         "would count them twice. Name one of them, or say --independent if they were measured independently."
     )
     chosen = select(obs, Selection(observable=("beta", "beta_cm"), independent=True))

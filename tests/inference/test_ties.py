@@ -252,10 +252,43 @@ def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
     assert found.e_n.stderr == pytest.approx(abs(slope) * alone.e_t.stderr, rel=0.05)
 
 
-def test_a_constant_that_follows_from_a_fixed_one_holds_no_chain_up():
-    fit = ifrfit.fit(ONE, tie={"e_t": "-e_n"}, fix={"e_n": 0.8}, method="mcmc")
+@pytest.mark.parametrize("method", ["lsq", "exact", "mcmc", "profile"])
+def test_a_constant_that_follows_from_fixed_ones_is_fixed_by_the_tie(method, tmp_path):
+    fit = ifrfit.fit(ONE, tie={"e_t": "-e_n"}, fix={"e_n": 0.8}, method=method)
+    plain = ifrfit.fit(ONE, fix={"e_n": 0.8, "e_t": -0.8}, method=method)
+    own = fit.constants.e_t
+    assert (own.value, own.stderr, own.status, own.reason) == (-0.8, None, "fixed", "fixed by a tie: -e_n")
+    assert "fixed by a tie: -e_n" in fit.summary()
     assert fit.facts["converged"].ok
-    assert (fit.constants.e_t.value, fit.constants.e_t.stderr) == (-0.8, 0.0)
+    # the question is that of the value itself
+    assert fit.constants.mu == plain.constants.mu
+    fit.save(tmp_path / "result.json")
+    kept = ifrfit.load_result(tmp_path / "result.json")
+    assert kept.constants == fit.constants
+    assert kept.asked == fit.asked
+    assert dict(kept.asked[1].ties) == {"e_t": "-e_n"}
+    kept.report(tmp_path / "report.md")  # the question is put again
+    assert "Tied: e\\_t = -e\\_n" in (tmp_path / "report.md").read_text()
+
+
+def test_a_series_whose_constant_follows_from_a_fixed_one_is_fixed_and_others_are_not():
+    # one entry follows from a fixed constant, another from a free one
+    tables = {"one": ONE, "two": TWO}
+    both = pd.concat([own.assign(series=name) for name, own in tables.items()])
+    tie = {"e_t[one]": "-e_n", "e_t[two]": "-1 + 2*mu"}
+    fit = ifrfit.fit(both, separate=["e_t"], tie=tie, fix={"e_n": 0.8}, method="lsq")
+    assert fit.constants.e_t["one"].reason == "fixed by a tie: -e_n"
+    assert fit.constants.e_t["two"].reason == "tied: -1 + 2*mu"
+    assert fit.constants.e_t["two"].stderr == pytest.approx(2.0 * fit.constants.mu.stderr, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("2*e_n", "is 1.6 at what is fixed, and the domain is"), ("log(e_n - 1)", "has no value")],
+)
+def test_a_tie_to_fixed_ones_beyond_the_domain_is_refused(text, said):
+    with refused(UsageError, match=said):
+        ifrfit.fit(ONE, tie={"e_t": text}, fix={"e_n": 0.8}, method="lsq")
 
 
 def test_chains_start_where_the_tie_ends_the_domain_at_the_optimum():

@@ -245,8 +245,8 @@ def compare_result(result: FitResult) -> Comparison:
     """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
 
     A fit by exact posterior stands for its own closure. Those of the others are brief: outliers, remedies,
-    effects and sharing are not looked for, impacts not left out, and optima over unknown noises not proven
-    where that takes long.
+    effects, sharing and what the data determine of each constant are not looked for, impacts not left out,
+    and optima over unknown noises not proven where that takes long.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
         optimum = least_squares(other, proven=False)
         posterior = exact_posterior(other, _TOLERANCE, optimum, seed=result.seed)
         estimation = posterior_estimation(other, optimum, posterior, None)
-        return build_result(other, optimum, estimation, seed=result.seed, brief=True)
+        return build_result(other, optimum, estimation, seed=result.seed, compared=True)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error.in_shell}") from None
 

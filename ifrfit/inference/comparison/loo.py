@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from ifrfit.data.observations import word_of
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
@@ -195,8 +196,8 @@ def _impact_names(density: Density) -> tuple[str, ...]:
     table = density.problem.observations.table
     _, first = np.unique(density.impact, return_index=True)
     rows = table.iloc[first]
-    several = table["source"].nunique() > 1
+    several, word = table["source"].nunique() > 1, word_of(density.problem.observations.sources)
     return tuple(
-        (f"{source}: " if several else "") + (f"impact {own}" if own else f"line {row}")
+        (f"{source}: " if several else "") + (f"impact {own}" if own else f"{word} {row}")
         for source, own, row in zip(rows["source"], rows["impact_id"], rows["row"], strict=True)
     )

@@ -26,6 +26,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseOptimum, PiecewiseProblem
+from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closure import Closure, rotational_share
 from ifrfit.physics.observables import OBSERVABLES
@@ -39,7 +40,7 @@ _FEWEST = 5  # rows: three unknowns, and two to tell the noise
 _ITERATIONS = 100
 _CONVERGED = 1e-8
 _LEVEL = 0.95
-_STEPS = 2.0 ** np.arange(-1.0, 12.0)  # distances, in standard errors, at which a profile is looked at
+_RESOLUTION = Resolution(scan=6, crossing=1e-6, between=False)  # of profiles
 _SIXTEENTH = 1.0 / 16.0  # a distance to begin with where there is no standard error
 
 
@@ -275,23 +276,16 @@ def _interval(fitted: _Fitted, place: int, error: float | None) -> Interval:
     """Where the profile lies below its rise; an end is infinite where it does not close."""
     best, least, rise = float(fitted.optimum.t[place]), fitted.optimum.chi2, fitted.rise()
 
-    from scipy.optimize import brentq  # 0.2 s, and most fits see no such rows
+    def above(x: Array) -> Array:
+        return np.array(
+            [minimise(fitted.problem.with_fixed(place, each)).chi2 - least for each in x.tolist()]
+        )
 
-    def above(x: float) -> float:
-        return minimise(fitted.problem.with_fixed(place, x)).chi2 - least - rise
-
-    steps = (error or _SIXTEENTH) * _STEPS
-    ends = []
-    for side, limit in ((-1.0, 0.0 if place == DIFFERENCE else -STEEPEST), (1.0, STEEPEST)):
-        far = np.append(best + side * steps[steps < abs(limit - best)], limit)
-        inside = [x for x in far if above(x) <= 0.0]
-        if inside and inside[-1] == limit:
-            ends.append(side * math.inf)
-            continue
-        start = inside[-1] if inside else best
-        end = next(x for x in far if abs(x - best) > abs(start - best))
-        ends.append(float(brentq(above, start, end, xtol=1e-6 * abs(end - best) + 1e-12)))
-    return ends[0], ends[1]
+    lower = 0.0 if place == DIFFERENCE else -STEEPEST
+    curve = ProfileCurve(above, lower, STEEPEST, resolution=_RESOLUTION)
+    curve.explore([best], error or _SIXTEENTH, rise)
+    low, high = curve.pieces(rise)[0][0], curve.pieces(rise)[-1][1]
+    return (-math.inf if low == lower else low), (math.inf if high == STEEPEST else high)
 
 
 def _p_value(fitted: _Fitted, place: int, ends: Interval) -> float:

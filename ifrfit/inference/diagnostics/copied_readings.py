@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import special
 
+from ifrfit.data.observations import word_of
 from ifrfit.inference.diagnostics.as_read import as_read
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, FEWEST_ALIKE, REFUTED
@@ -103,9 +104,10 @@ def _filled_in(problem: Problem, found: LeastSquaresFit) -> Iterator[tuple[str, 
             if p < REFUTED:
                 seen.add(readings.observable)
                 rows = readings.rows[own[readings.rows] & (readings.value == at)]
+                those = f"{word_of(problem.observations.sources)}s {_lines(problem, rows.tolist())}"
                 says = (
                     f"{count} of {value.size} values of {readings.words} are {at:.6g} exactly, the mean of "
-                    f"all others (lines {_lines(problem, rows.tolist())}; p = {p_text(p)} by noise)"
+                    f"all others ({those}; p = {p_text(p)} by noise)"
                 )
                 yield readings.observable, count, says
 
@@ -141,7 +143,8 @@ def _summary_rows(problem: Problem) -> Iterator[tuple[str, int, str]]:
         if p < REFUTED:
             place = int(np.flatnonzero(last)[0])
             count, name = np.unique(line[part]).size - 1, exclude_name(problem, place)
-            says = f"line {name} is the mean of the {count} lines above it (p = {p_text(p)} by chance)"
+            word = word_of(problem.observations.sources)
+            says = f"{word} {name} is the mean of the {count} {word}s above it (p = {p_text(p)} by chance)"
             yield rows.names[rows.which[place]], int(last.sum()), says
 
 
@@ -258,8 +261,9 @@ def _doubled(problem: Problem, copies: list[tuple[int, int]], p: float) -> Fact:
         )
     alone = stand.startswith("all") and len(problem.series) == 2
     remedy = f"--series {one}" if alone else " ".join(f"--exclude {line}" for line in shown) + more
+    where = f"{word_of(problem.observations.sources)}s {joined(shown)}{more}"
     says = (
-        f"{stand}, alike in every decimal (lines {joined(shown)}{more}; p = {p_text(p)} by noise and "
+        f"{stand}, alike in every decimal ({where}; p = {p_text(p)} by noise and "
         f"rounding): remove them, or {remedy}"
     )
     return Fact(False, says, {"p": p, "n": count, "rows": lines}, FACTS["duplicates"])

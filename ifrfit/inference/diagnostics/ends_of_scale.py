@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from ifrfit.data.observations import word_of
 from ifrfit.inference.diagnostics.as_read import as_read, without_last_bits
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -89,11 +90,12 @@ def _end_of_speeds(problem: Problem, found: LeastSquaresFit) -> Fact | None:
                     exclude_name(problem, i) for i in np.flatnonzero(own & at_end)[:_MOST_NAMED].tolist()
                 ]
                 count = np.unique(rows.impacts[at_end]).size
+                named = f"{word_of(problem.observations.sources)}s {joined(lines)}"
                 says = (
                     f"{count} impacts have the largest {words} before, {size:.4g} m/s exactly, and {name} "
                     f"scatters {ratio:.2g} times as much in them as in the others (p = {p_text(p)}): a "
                     "sensor or a camera seems to end there, and true speeds lie beyond. Leave these out "
-                    f"(lines {joined(lines)}{' ...' if count > _MOST_NAMED else ''})"
+                    f"({named}{' ...' if count > _MOST_NAMED else ''})"
                 )
                 figures = {"observable": name, "value": size, "n": int(count), "p": p}
                 return Fact(False, says, figures, FACTS["censoring"])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from ifrfit.data.observations import word_of
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.quadratic_forms import Array
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -228,7 +229,7 @@ def row_name(problem: Problem, i: int) -> str:
     """Where a row comes from, in words."""
     table = problem.observations.table
     source, row, observable = (str(table[column].iat[i]) for column in ("source", "row", "observable"))
-    return f"{source} line {row} ({observable})"
+    return f"{source} {word_of(problem.observations.sources, source)} {row} ({observable})"
 
 
 def exclude_name(problem: Problem, i: int) -> str:

@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
-from ifrfit.errors import UnknownNameError
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ifrfit.errors import UnknownNameError, UsageError
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.text import joined, meant
 
@@ -34,6 +37,8 @@ def _telling(method: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(method)
     def asked(self: NamedQuantities, name: Any, *choices: Any, **named: Any) -> Any:
+        if method.__name__ == "quantile":
+            _check_probability(*choices, **named)
         try:
             return method(self, name, *choices, **named)
         except (KeyError, ValueError):
@@ -44,6 +49,12 @@ def _telling(method: Callable[..., Any]) -> Callable[..., Any]:
             raise UnknownNameError(unknown_quantity(unknown[0], self.names)) from None
 
     return asked
+
+
+def _check_probability(p: ArrayLike = 0.5) -> None:
+    wrong = [each for each in np.atleast_1d(np.asarray(p, dtype=float)).ravel() if not 0.0 <= each <= 1.0]
+    if wrong:
+        raise UsageError(f"quantile: {wrong[0]:g} is no probability. Give p from 0 to 1, as 0.975.")
 
 
 def unknown_quantity(name: str, names: Sequence[str]) -> str:

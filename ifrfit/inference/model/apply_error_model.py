@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.data import Observations
+from ifrfit.data.observations import word_of
 from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.noise import NoiseModel, Policy
@@ -116,13 +116,14 @@ def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:
     gamma = table["gamma_deg"].fillna(low).to_numpy(dtype=float)
     away = has_angle & ((gamma < low - 5.0 * of_angle) | (gamma > high + 5.0 * of_angle))
     if away.any():
-        raise DataError(_outside(table, np.flatnonzero(away), low, high))
+        raise DataError(_outside(problem.observations, np.flatnonzero(away), low, high))
 
 
-def _outside(table: pd.DataFrame, rows: Index, low: float, high: float) -> str:
-    row = table.iloc[int(rows[0])]
+def _outside(observations: Observations, rows: Index, low: float, high: float) -> str:
+    row = observations.table.iloc[int(rows[0])]
+    word = word_of(observations.sources, row["source"])
     return (
-        f"{row['source']}, line {row['row']}: the angle {row['gamma_deg']:g} lies more than five of its "
+        f"{row['source']}, {word} {row['row']}: the angle {row['gamma_deg']:g} lies more than five of its "
         f"standard uncertainties outside --angle-population {low:g},{high:g}. Widen the population."
     )
 

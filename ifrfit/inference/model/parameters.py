@@ -79,7 +79,8 @@ class Parameter:
     shape : ShapedLaw or None
         The law of the prior, where it is neither normal nor uniform; `prior` then has its mean and sd.
     ties : tuple of (str, str)
-        Its entries that follow from others, each by its name, and the expression.
+        Its entries that follow from others, each by its name, and the expression; those of fixed entries say
+        what these were fixed by.
     """
 
     name: str
@@ -235,13 +236,49 @@ class ParameterSet:
 
     @cached_property
     def ties(self) -> Ties:
-        """Entries that follow from others."""
-        return Ties(self.names, {name: text for p in self.parameters for name, text in p.ties})
+        """Entries that follow from others, and are not fixed by that."""
+        fixed = {name for name, p in zip(self.names, self.entries, strict=True) if p.fixed is not None}
+        declared = {name: text for p in self.parameters for name, text in p.ties}
+        return Ties(self.names, {name: text for name, text in declared.items() if name not in fixed})
 
     @property
     def is_tied(self) -> bool:
         """Whether any entry follows from others."""
-        return any(p.ties for p in self.parameters)
+        return bool(self.ties.expressions)
+
+    @property
+    def asked(self) -> tuple[Parameter, ...]:
+        """The parameters as they were asked for: what a tie to fixed ones fixed is tied."""
+        return tuple(replace(p, fixed=None) if p.name in dict(p.ties) else p for p in self.parameters)
+
+    def with_ties_checked(self) -> ParameterSet:
+        """The same set, in which entries that follow from fixed ones alone are fixed.
+
+        Raises
+        ------
+        UsageError
+            For ties that contradict, that name no entry, or that lead out of the domain.
+        """
+        ties = Ties(self.names, {name: text for p in self.parameters for name, text in p.ties})
+        if not ties.expressions:
+            return self
+        pairs = list(zip(self.names, self.entries, strict=True))
+        fixed = [name for name, entry in pairs if entry.fixed is not None]
+        ties.check(fixed, [name for name, entry in pairs if entry.prior is not None])
+        moving = ties.following(self.free_names)
+        theta, found = ties.applied(self.fixed[None])[0], {}
+        for (name, entry), value in zip(pairs, theta.tolist(), strict=True):
+            if name not in ties.expressions or name in moving:
+                continue
+            if not entry.lower <= value <= entry.upper:
+                what = "has no value" if math.isnan(value) else f"is {value:g}"
+                raise UsageError(
+                    f"--tie '{name}={ties.expressions[name]}': {what} at what is fixed, and the domain is "
+                    f"[{entry.lower:g}, {entry.upper:g}]. Mend the expression, or widen the domain with "
+                    f"--bounds {quantity_of(name)}=LO,HI."
+                )
+            found[name] = value
+        return self.with_fixed(found)
 
     @property
     def tied_names(self) -> tuple[str, ...]:

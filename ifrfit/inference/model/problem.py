@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data import Observations
+from ifrfit.data.observations import word_of
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.common_errors import CommonErrors, refuse
 from ifrfit.inference.model.digest import EXCLUDED, digest
@@ -470,28 +471,14 @@ def make_problem(
         rows,
         closure,
         inertia_factor,
-        ParameterSet(tuple(parameters), series),
+        ParameterSet(tuple(parameters), series).with_ties_checked(),
         model,
         observations,
         common=CommonErrors.of(table) if common else None,
     )
-    _check_ties(problem.parameters)
     if policy == "mixed":
         problem = problem.with_noise(mixed_noise(sigma, problem.groups(), separate=separate_noise))
     return problem
-
-
-def _check_ties(parameters: ParameterSet) -> None:
-    """Refuse ties that contradict, and such as name no entry of theta.
-
-    Raises
-    ------
-    UsageError
-    """
-    if parameters.is_tied:
-        pairs = list(zip(parameters.names, parameters.entries, strict=True))
-        fixed = [name for name, entry in pairs if entry.fixed is not None]
-        parameters.ties.check(fixed, [name for name, entry in pairs if entry.prior is not None])
 
 
 def noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
@@ -513,8 +500,9 @@ def noise_policy(observations: Observations, sigma: Array, noise: str | None) ->
         raise UsageError(f"--noise {noise}: choose {CHOICES}.")
     if policy in ("known", "scaled") and not has_all:
         row = observations.table[~np.isfinite(sigma)].iloc[0]
+        word = word_of(observations.sources, row["source"])
         raise DataError(
-            f"{row['source']}, line {row['row']}: no sigma, but --noise {noise} needs one in every row. "
+            f"{row['source']}, {word} {row['row']}: no sigma, but --noise {noise} needs one in every row. "
             "Add it, or use --noise mixed, which takes sigma as far as it is given, or --noise unknown."
         )
     return policy

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -178,10 +179,12 @@ def sample_by_importance(
             density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng
         )
         best = max(best, replicates, key=lambda each: each.effective_share)
+    if best.error_of_one_draw > target:
+        # a law near to the posterior leaves few draws in a tail that is rare, and makes most of a variance
+        best = min(best, best.with_law_fitted(far=True), key=lambda each: each.error_of_one_draw)
     found = best.enough(target)
     if found.converged or best.effective_share < _EVEN:
         return found
-    # a law near to the posterior leaves few draws in a tail that is rare, and makes most of a variance
     far = best.with_law_fitted(far=True).enough(target)
     return min(found, far, key=lambda each: max(each.error, each.error_evidence))
 
@@ -344,15 +347,19 @@ class _Replicates:
     def with_law_fitted(self, *, far: bool = False) -> _Replicates:
         """As many points of the law that is fitted to these; `far` by what each adds to the variances."""
         density, rng = self._density, self._rng
-        log_weights = self.log_weights + np.log(1.0 + self._squares_away) if far else self.log_weights
+        log_weights = (
+            self.log_weights + np.log(1.0 + self._squares_away.sum(axis=1)) if far else self.log_weights
+        )
         law = refitted(self.proposal, density, self.at, log_weights, rng)
         return _Replicates(density, law, rng, fewer=self._fewer)
 
     def enough(self, target: float) -> ImportancePosterior:
         """The posterior by these, as fine as it needs: standard errors in sd of `target`."""
         while True:
-            found = self.posterior()
             work = 2 * self.at.shape[0] * self.cost
+            # beyond it the lattice is refined, whatever the error is
+            limit = target if work <= WORK else SAMPLING_ERROR if work <= MOST_WORK else math.inf
+            found = self.posterior(limit)
             if work > (WORK if found.converged else MOST_WORK):
                 return found
             if found.converged and found.error <= target and found.error_evidence <= TARGET:
@@ -382,11 +389,17 @@ class _Replicates:
 
     @property
     def _squares_away(self) -> Array:
-        """Squared distances from the means, in sd, summed over the free constants, (m,)."""
+        """Squared distances from the means, in sd, of the free constants, (m, constants)."""
         density, weights = self._density, special.softmax(self.log_weights)
         theta = density.theta(density.coordinates.values(self.at))[:, density.problem.parameters.free]
         square = (theta - weights @ theta) ** 2
-        return np.asarray((square / (weights @ square)).sum(axis=1))
+        return np.asarray(square / (weights @ square))
+
+    @property
+    def error_of_one_draw(self) -> float:
+        """Standard error, in sd, of the sd of a constant by the draw that makes most of its variance."""
+        weights = special.softmax(self.log_weights)
+        return 0.5 * float((weights[:, None] * self._squares_away).max(initial=0.0))
 
     @property
     def cost(self) -> float:
@@ -404,8 +417,8 @@ class _Replicates:
         """Log evidence and its standard error; infinite where few draws carry the weight."""
         return believed_evidence(self.log_weights)
 
-    def posterior(self) -> ImportancePosterior:
-        """All replicates together, with the standard error of their mean."""
+    def posterior(self, limit: float = math.inf) -> ImportancePosterior:
+        """All replicates together, with the standard error of their mean, in full up to a limit."""
         density = self._density
         drawn = Draws.of(density.problem, self._draws())
         weights = special.softmax(self.log_weights)
@@ -417,7 +430,7 @@ class _Replicates:
             weights,
             density.problem,
             log_evidence,
-            standard_error(drawn.values, weights, noises, density.noises, self._squares),
+            standard_error(drawn.values, weights, noises, density.noises, self._squares, limit),
             error_evidence,
             SAMPLING_ERROR,
             float(weights.max()),
@@ -483,6 +496,7 @@ def standard_error(
     noises: Mapping[str, Marginal],
     scales: Mapping[str, NoiseScale],
     squares: Array,
+    limit: float = math.inf,
 ) -> float:
     """Largest standard error of a mean, sd or quantile, in sd, from the scatter of the replicates, eq. (18).
 
@@ -496,32 +510,48 @@ def standard_error(
     scales : mapping of str to NoiseScale
         Of the same, by the names of their groups.
     squares : ndarray, (m, groups)
+    limit : float
+        The first error above it is handed back, and others are not looked at.
     """
     shares = weights.reshape(REPLICATES, -1)
     shares = shares / np.maximum(shares.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-    parts = squares.reshape(*shares.shape, squares.shape[1])
-    of_noises = [noise_marginals(scales, *each) for each in zip(shares, parts, strict=True)] if scales else []
+    drawn = (_error_of_draws(value, weights, shares) for name, value in values.items() if name not in noises)
     worst = 0.0
+    for error in chain(drawn, _errors_of_noises(noises, scales, shares, squares)):
+        worst = max(worst, error)
+        if worst > limit:
+            break
+    return worst
+
+
+def _error_of_draws(value: Array, weights: Array, shares: Array) -> float:
+    """Largest standard error of a quantity by its draws (m,); shares (replicates, draws of each)."""
+    pairs = zip(value.reshape(shares.shape), shares, strict=True)
+    each = [WeightedDraws({"": own}, {}, share) for own, share in pairs]
+    whole = WeightedDraws({"": value}, {}, weights)
+    sd = whole.sd("")
+    # one draw that carries a share of the variance is a share that another one may as well lack
+    square = weights * (value - whole.mean("")) ** 2
+    single = 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny)
+    if sd <= 0.0:
+        return single
+    below = np.array([part.cdf("", whole.quantile("", LEVELS)) for part in each])
+    return max(single, _scatter(np.array([_of_draws(part) for part in each]), below, sd))
+
+
+def _errors_of_noises(
+    noises: Mapping[str, Marginal], scales: Mapping[str, NoiseScale], shares: Array, squares: Array
+) -> Iterator[float]:
+    """The same of each noise that is integrated out, which takes longer: arguments as `standard_error`."""
+    if not scales:
+        return
+    parts = squares.reshape(*shares.shape, squares.shape[1])
+    replicates = [noise_marginals(scales, *each) for each in zip(shares, parts, strict=True)]
     for name, marginal in noises.items():
         at = marginal.at_levels(_ROUGHLY)
-        found = np.array([_of_marginal(each[name]) for each in of_noises])
-        below = np.array([each[name].cdf(at, 1)[0] for each in of_noises])
-        worst = max(worst, _scatter(found, below, marginal.moments(0)[1]))
-    for name, value in values.items():
-        if name in noises:
-            continue
-        pairs = zip(value.reshape(shares.shape), shares, strict=True)
-        each = [WeightedDraws({"": own}, {}, share) for own, share in pairs]
-        whole = WeightedDraws({"": value}, {}, weights)
-        sd = whole.sd("")
-        # one draw that carries a share of the variance is a share that another one may as well lack
-        square = weights * (value - whole.mean("")) ** 2
-        single = 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny)
-        worst = max(worst, single)
-        if sd > 0.0:
-            below = np.array([part.cdf("", whole.quantile("", LEVELS)) for part in each])
-            worst = max(worst, _scatter(np.array([_of_draws(part) for part in each]), below, sd))
-    return worst
+        found = np.array([_of_marginal(each[name]) for each in replicates])
+        below = np.array([each[name].cdf(at, 1)[0] for each in replicates])
+        yield _scatter(found, below, marginal.moments(0)[1])
 
 
 def _scatter(found: Array, below: Array, sd: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,7 @@ from ifrfit.inference.result.types import (
     CommonErrorSummary,
     Constants,
     Correlation,
+    Derived,
     Estimate,
     Fact,
     FitStatistics,
@@ -180,6 +181,7 @@ def build_result(
     conditions: Setting | None = None,
     assumed: tuple[str, ...] = (),
     brief: bool = False,
+    compared: bool = False,
     summary: OptimumSummary | None = None,
 ) -> FitResult:
     """The result of a fit.
@@ -202,6 +204,9 @@ def build_result(
         What was taken of ball and impacts although nobody said so, in words.
     brief : bool
         Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
+    compared : bool
+        Brief, and the facts do not say what the data determine of each constant: profiles tell that, and
+        comparisons of closures do not. Constants are worked out when they are first read.
     summary : OptimumSummary, optional
         As `summarize_optimum` gives it, where it was made before.
 
@@ -214,9 +219,8 @@ def build_result(
     about = summary or summarize_optimum(asked, optimum, conditions)
     own = estimation.distribution
     about = replace(about, beside_marginals=own is not None)
-    constants, kappas, transitions = _estimates(problem, about, estimation)
-    brief = brief or problem.parameters.is_tied  # other fits of the same rows do not know the ties
-    constants = _with_ties(problem, constants)
+    found = Postponed(partial(_estimates, problem, about, estimation))
+    brief = brief or compared or problem.parameters.is_tied  # other fits of the rows do not know the ties
     names = problem.parameters.moving_names
     distribution: Distribution = about.gaussian if own is None else own
     noise = NoiseSummary(
@@ -234,7 +238,7 @@ def build_result(
     drawn = Postponed(partial(_drawn, own, seed))
     said = (*_warnings(problem), *_of_common_errors(noise), *estimation.warnings)
     if not estimation.is_posterior:
-        said += _beyond_ends(problem, constants)
+        said += _beyond_ends(problem, found.value.constants)
 
     def state() -> State:
         kept = drawn.value if estimation.predicts else None
@@ -242,7 +246,10 @@ def build_result(
 
     def taken() -> tuple[str, ...]:
         unsaid = assumed if problem.has_oblique else ()
-        return *unsaid, *assumed_of(problem, optimum, constants, kappas, noise)
+        return *unsaid, *assumed_of(problem, optimum, found.value.constants, found.value.kappas, noise)
+
+    constants = Postponed(lambda: ConstantsTable(found.value.constants))
+    derived = Postponed(lambda: derived_of(problem, *found.value))
 
     return FitResult(
         closure=problem.closure.name,
@@ -250,12 +257,22 @@ def build_result(
         method=estimation.method,
         inputs=problem.observations.sources,
         noise=noise,
-        constants=ConstantsTable(constants),
-        derived=derived_of(problem, constants, kappas, transitions),
+        constants=cast("ConstantsTable", constants) if compared else constants.value,
+        derived=cast("Derived", derived) if compared else derived.value,
         correlation=Correlation(names, correlation_of(distribution, names)),
         fit=replace(about.statistics, log_evidence=estimation.log_evidence),
         facts=Deferred(
-            partial(_facts, asked, optimum, about, estimation, constants, drawn, conditions, brief=brief)
+            partial(
+                _facts,
+                asked,
+                optimum,
+                about,
+                estimation,
+                None if compared else found.value.constants,
+                drawn,
+                conditions,
+                brief=brief,
+            )
         ),
         warnings=said,
         state=cast("State", Postponed(state)),
@@ -264,7 +281,7 @@ def build_result(
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
-        asked=problem.parameters.parameters,
+        asked=problem.parameters.asked,
         assumed=cast("tuple[str, ...]", Postponed(taken)),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
@@ -301,19 +318,26 @@ def _drawn(distribution: Distribution | None, seed: int) -> Mapping[str, Any] | 
     return distribution.draws(int(min(DRAWS, distribution.n_draws)), np.random.default_rng(seed))
 
 
-def _estimates(
-    problem: Problem, about: OptimumSummary, estimation: Estimation
-) -> tuple[Constants, Mapping[str, Estimate], Mapping[str, Angles]]:
-    """Constants, kappa and transition angles: from profiles, from the distribution, or from the Gaussian."""
+class _Estimates(NamedTuple):
+    """Constants, kappa of each series, and transition angles."""
+
+    constants: Constants
+    kappas: Mapping[str, Estimate]
+    transitions: Mapping[str, Angles]
+
+
+def _estimates(problem: Problem, about: OptimumSummary, estimation: Estimation) -> _Estimates:
+    """Estimates from profiles, from the distribution, or from the Gaussian."""
     if estimation.profiles:
-        return estimates_of_profiles(problem, estimation.profiles, about.gaussian, about.kappas)
+        found = estimates_of_profiles(problem, estimation.profiles, about.gaussian, about.kappas)
+        return _Estimates(_with_ties(problem, found[0]), *found[1:])
     constants, kappas = about.constants, about.kappas
     if estimation.distribution is not None or estimation.unresolved:
         constants, kappas = estimates_of(
             problem, estimation.distribution, constants, kappas, estimation.unresolved, estimation.local
         )
     transitions = transitions_of(problem, about.gaussian, constants, kappas, estimation.distribution)
-    return constants, kappas, transitions
+    return _Estimates(_with_ties(problem, constants), kappas, transitions)
 
 
 def _facts(
@@ -321,14 +345,13 @@ def _facts(
     optimum: LeastSquaresFit,
     about: OptimumSummary,
     estimation: Estimation,
-    constants: Constants,
+    constants: Constants | None,
     draws: Postponed[Mapping[str, Any] | None],
     conditions: Setting | None,
     *,
     brief: bool,
 ) -> dict[str, Fact]:
-    """Findings on the optimum, on the estimates and on the method, in the order of the report."""
-    counts = about.statistics
+    """Findings on the optimum, on the estimates (None: not asked for) and on the method, as in the report."""
     asked, problem = problem, at_fitted_offset(problem, optimum)
     offset, domain = optimum.angle_offset, asked.offset
     several, few = several_modes(problem, optimum), few_degrees_of_freedom(problem, optimum)
@@ -359,24 +382,40 @@ def _facts(
         **({} if several is None else {"noise_modes": several}),
         **({} if few is None else {"noise_dof": few}),
         **({} if offset is None or domain is None else {"angle_offset": angle_offset(offset, domain)}),
-        "identifiable": identifiable(
-            problem,
-            optimum,
-            constants,
-            counts.n_sticking,
-            counts.n_sliding,
-            slip="slips" in first,
-            too_large=first["scatter_too_small"].figures["factor"] if "scatter_too_small" in first else 1.0,
-            misfit=any(name in found and not found[name].ok for name in _MISFIT),
-        ),
-        "at_bound": at_bound(constants),
-        **({} if (tiny := tiny_friction(problem, constants)) is None else {"tiny_friction": tiny}),
+        **({} if constants is None else _of_constants(problem, optimum, about, constants, found)),
         **found,
     }
     drawn = draws.value if estimation.is_posterior else None
     if drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
     return facts | dict(estimation.diagnostics)
+
+
+def _of_constants(
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    about: OptimumSummary,
+    constants: Constants,
+    found: Mapping[str, Fact],
+) -> dict[str, Fact]:
+    """What the data determine of the constants; `found` is what the residuals say."""
+    counts, small = about.statistics, found.get("scatter_too_small")
+    too_large = 1.0 if small is None or small.ok else small.figures["factor"]
+    tiny = tiny_friction(problem, constants)
+    return {
+        "identifiable": identifiable(
+            problem,
+            optimum,
+            constants,
+            counts.n_sticking,
+            counts.n_sliding,
+            slip="slips" in found and not found["slips"].ok,
+            too_large=too_large,
+            misfit=any(name in found and not found[name].ok for name in _MISFIT),
+        ),
+        "at_bound": at_bound(constants),
+        **({} if tiny is None else {"tiny_friction": tiny}),
+    }
 
 
 def _misfit(

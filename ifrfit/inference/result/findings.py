@@ -19,7 +19,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.constants_table import ConstantsTable
-from ifrfit.inference.result.deferred import Deferred, PostponedField, known
+from ifrfit.inference.result.deferred import Deferred, Postponed, PostponedField, known
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -45,7 +45,8 @@ else:
 class Findings:
     """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
 
-    `assumed`, `state` and `points` may be given as `Postponed`, and are worked out when they are first read.
+    `constants`, `derived`, `assumed`, `state` and `points` may be given as `Postponed`, and are worked out
+    when they are first read.
 
     Attributes
     ----------
@@ -128,7 +129,8 @@ class Findings:
     files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False, metadata=INTERNAL)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "constants", ConstantsTable(self.constants))
+        if not isinstance(self.__dict__["constants"], Postponed):
+            object.__setattr__(self, "constants", ConstantsTable(self.constants))
         if not isinstance(self.facts, Deferred):
             object.__setattr__(self, "facts", known(self.facts))
         if cast("Distribution | None", self.distribution) is None:
@@ -175,5 +177,11 @@ class Findings:
         return by_entry(self.constants)
 
 
-for _name in ("assumed", "state", "points"):  # after the decorator, which would take them for defaults
+for _name in (
+    "constants",
+    "derived",
+    "assumed",
+    "state",
+    "points",
+):  # after the decorator, which would take them for defaults
     setattr(Findings, _name, PostponedField(_name))

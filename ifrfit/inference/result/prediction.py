@@ -19,6 +19,7 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.rebound import rebound_of
+from ifrfit.physics.transition import transition_angles
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,6 +125,24 @@ def predict(
     frame = pd.DataFrame(table)
     frame.attrs["warnings"] = tuple(filter(None, [_excess_friction(result, incidence, own_series)]))
     return frame
+
+
+def kinks_of(result: Findings, series: str, spin_x: float = 0.0, spin_y: float = 0.0) -> tuple[float, ...]:
+    """Incidence angles in degrees at which the predicted curve passes from sticking to sliding, or back.
+
+    Parameters
+    ----------
+    result : Findings
+    series : str
+    spin_x, spin_y : float
+        R omega/u before.
+    """
+    closure = get_closure(result.closure)
+    point = _constants(result.state, result.state.point[None], closure.constant, _series_of(result, series))
+    e_n, c, mu = (part[0] for part in point)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tau = float(mu * (1.0 + e_n) / closure.law(result.inertia_factor).bound(c))
+    return transition_angles(tau, spin_x, spin_y) if math.isfinite(tau) else ()
 
 
 def _excess_friction(result: Findings, incidence: Incidence, series: str) -> str:

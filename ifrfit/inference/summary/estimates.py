@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.entry_names import split_name
-from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import OFFSET, Problem
 from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.result.estimation import Unresolved
@@ -156,8 +156,10 @@ def by_constant(
     """
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
     estimates = [
-        of_entry(place) if entry.fixed is None else fixed_estimate(entry.fixed)
-        for place, entry in enumerate(problem.parameters.entries)
+        of_entry(place) if entry.fixed is None else fixed_estimate(entry.fixed, _fixed_by(entry, name))
+        for place, (entry, name) in enumerate(
+            zip(problem.parameters.entries, problem.parameters.names, strict=True)
+        )
     ]
     for constant in problem.parameters:
         places = problem.parameters.positions[constant.name]
@@ -169,6 +171,12 @@ def by_constant(
         for number, name in enumerate(names)
     ]
     return constants, dict(zip(problem.series, kappas, strict=True))
+
+
+def _fixed_by(entry: Parameter, name: str) -> str:
+    """Who fixed an entry of theta."""
+    tie = dict(entry.ties).get(name)
+    return "fixed by you" if tie is None else f"fixed by a tie: {tie}"
 
 
 def _estimate(

@@ -14,6 +14,7 @@ from posterior_questions import Question, Row, measured
 from scipy import integrate as quad
 from scipy import special
 
+import ifrfit
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.error_model import ErrorModel
@@ -223,3 +224,33 @@ def test_heavy_tails_take_no_array_of_points_by_rows(monkeypatch: pytest.MonkeyP
     tracemalloc.stop()
     assert found == pytest.approx(whole, rel=1e-12)
     assert peak < 8 * len(values) * len(rows)  # bytes
+
+
+def test_a_rare_tail_that_makes_most_of_a_variance_takes_a_law_of_its_own() -> None:
+    """Under IFR-contact a ten-thousandth of the posterior of cornell-glass reaches to the bound of mu."""
+    problem = ifrfit.fit("cornell-glass").problem_and_optimum()[0].with_closure(get_closure("ifr-contact"))
+    found = sample_by_importance(problem, target=SAMPLING_ERROR)
+    assert found.converged
+    assert found.weights.size <= 16384  # 131,072 of the law that is near to the posterior
+    tail = found.cdf("mu", 0.3)
+    assert 1e-6 < 1.0 - float(tail) < 1e-3
+    other = sample_by_importance(problem, seed=1, target=SAMPLING_ERROR)
+    for name in ("e_n", "e_t", "mu"):
+        assert abs(found.mean(name) - other.mean(name)) < 4.0 * SAMPLING_ERROR * found.sd(name)
+    assert found.sd("mu") == pytest.approx(other.sd("mu"), rel=4.0 * SAMPLING_ERROR)
+
+
+def test_errors_up_to_a_limit_are_those_without_and_beyond_it_they_are_beyond() -> None:
+    problem = QUESTIONS["unknown noises"].problem()
+    replicates = importance_sampling._Replicates(
+        ConstantsDensity(problem),
+        importance_sampling.adapted_proposal(
+            ConstantsDensity(problem),
+            importance_sampling.known_modes(ConstantsDensity(problem), least_squares(problem)),
+            np.random.default_rng(0),
+        ),
+        np.random.default_rng(0),
+    )
+    whole = replicates.posterior().error
+    assert replicates.posterior(whole * 1.5).error == pytest.approx(whole, rel=0.2)  # noises are drawn anew
+    assert replicates.posterior(whole / 100.0).error > whole / 100.0

@@ -129,3 +129,16 @@ def test_angles_beyond_the_wall_and_lengths_that_do_not_fit_are_refused():
     ):
         with pytest.raises(UsageError, match=said):
             fit.predict(observable="beta_cm", **given)
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr", "maw"])
+def test_curves_have_their_kinks_where_sticking_ends(closure):
+    from ifrfit.inference.result.prediction import kinks_of
+
+    beta = ifrfit.rebound(GAMMA, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta
+    fit = ifrfit.fit(gamma_deg=GAMMA, beta=beta, sigma=0.01, fix={"e_n": 0.9}, closure=closure, method="lsq")
+    (kink,) = kinks_of(fit, fit.problem.series[0])
+    names = fit.problem.closure.constants
+    constants = dict(zip(names, fit.least_squares.optimum.theta.tolist(), strict=True))
+    near = ifrfit.rebound([kink - 1e-4, kink + 1e-4], **constants, closure=closure, degrees=True)
+    assert near.sticking.tolist() == [True, False]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ifrfit
+from ifrfit.report.panels import is_outlier
 
 GAMMA = np.linspace(5.0, 80.0, 20)
 
@@ -88,3 +90,64 @@ def test_a_file_goes_into_a_folder_that_is_there(fit, tmp_path):
         fit.save(tmp_path)
     with pytest.raises(ifrfit.UsageError, match=r"the folder .*not-there does not exist"):
         fit.save(tmp_path / "not-there" / "result.json")
+
+
+def frame():
+    """The impacts as a data frame."""
+    return pd.DataFrame(table(0.15))
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: ifrfit.fit(frame(), "fr"), r"'fr' is no Model but a closure: say closure=\"fr\"\.$"),
+        (lambda: ifrfit.fit(frame(), "mcmc"), r"'mcmc' is no Model but a method: say method=\"mcmc\"\."),
+        (lambda: ifrfit.fit(frame(), "other.csv"), "no Model.*several files or datasets in one list"),
+        (lambda: ifrfit.fit(GAMMA, GAMMA), "is a Model, not ndarray: give columns by keyword, gamma_deg="),
+        (lambda: ifrfit.fit(frame()["beta"]), r"A Series \('beta'\) is one column"),
+        (lambda: ifrfit.fit(frame(), weights=GAMMA), r"Give sigma itself, with noise=\"scaled\""),
+        (lambda: ifrfit.compare(frame(), weights=GAMMA), "Give sigma itself"),
+        (lambda: ifrfit.fit(frame(), noise="known"), "table, row 0: no sigma"),
+        (lambda: ifrfit.fit(frame(), exclude=[99]), "number of a row of the table, TABLE:ROW"),
+        (
+            lambda: ifrfit.fit(
+                frame().assign(gamma_deg=95.0).set_index(pd.Index([f"s{i}" for i in range(20)]))
+            ),
+            r"table, row 0 \(counted from 0, index 's0'\), column gamma_deg",
+        ),
+        (
+            lambda: ifrfit.fit(pd.concat([frame(), frame()["beta"]], axis=1)),
+            "^table: columns 2 and 3 are both",
+        ),
+    ],
+)
+def test_what_is_called_in_a_wrong_way_is_told_in_words_of_python(call, says):
+    with pytest.raises((ifrfit.UsageError, ifrfit.DataError), match=says):
+        call()
+
+
+def test_what_is_no_probability_has_no_quantile(fit):
+    with pytest.raises(ifrfit.UsageError, match=r"1\.5 is no probability. Give p from 0 to 1"):
+        fit.distribution.quantile("mu", [0.5, 1.5])
+
+
+def test_rows_of_a_table_in_memory_are_rows_and_of_a_file_are_lines(tmp_path):
+    wrong = frame()
+    wrong.loc[7, "beta"] += 1.0
+    for data, name in ((wrong, "table row 7 (beta)"), (tmp_path / "t.csv", "t.csv line 9 (beta)")):
+        wrong.to_csv(tmp_path / "t.csv", index=False)
+        fit = ifrfit.fit(data, fix={"e_n": 0.9})
+        fit.save(tmp_path / "result.json")
+        for each in (fit, ifrfit.load_result(tmp_path / "result.json")):
+            assert each.facts["outliers"].figures["rows"] == [name]
+            assert name in each.facts["outliers"].says
+            each.report(tmp_path / "report.md")
+            assert f"in {name.removesuffix(' (beta)')}." in (tmp_path / "report.md").read_text()
+            assert np.flatnonzero(is_outlier(each, each.points)).tolist() == [7]
+
+
+def test_an_option_that_is_an_object_is_told_as_one():
+    with pytest.raises(
+        ifrfit.UsageError, match=r"'effective' is no AngleErrors\. Give ifrfit\.AngleErrors\("
+    ):
+        ifrfit.Noise("known", angles="effective")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.observations import word_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Block, Picture, Pictures
@@ -39,7 +40,9 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     z = points["standardised"].to_numpy(dtype=float)
     largest = int(np.nanargmax(np.abs(z))) if np.isfinite(z).any() else 0
     place = points.iloc[largest]
-    line = f" line {place['row']}" if place["row"] > 0 else ""  # in rows that were streamed it is not known
+    line = (
+        f" {word_of(result.inputs, place['source'])} {place['row']}" if place["row"] > 0 else ""
+    )  # in rows that were streamed it is not known
     worst = f"The largest is {z[largest]:+.2f}, in {place['source']}{line}."
     count = int((np.abs(z) > 2.0).sum())
     beyond = f"{count} of {z.size} {'lies' if count == 1 else 'lie'} beyond ±2 σ."
