@@ -140,6 +140,10 @@ def run_campaign(
         raise UsageError(f"--method {estimator.name}: campaigns take {', '.join(METHODS)}.")
     if model is not None and model.tie:
         raise UsageError("A campaign does not know --tie: leave it out, or fit each group by itself.")
+    if keywords.get("covariance") is not None:
+        raise UsageError(
+            "A campaign knows no covariance, which ties groups: fit the rows that it is of together."
+        )
     conventions = parse_conventions(keywords.pop("convention", ()))
     question = GroupQuestion(
         conventions, model_of(model, {}), noise_of(noise), estimator, keywords, seed, facts

@@ -139,6 +139,11 @@ def test_a_covariance_is_known_to_those_who_know_errors_in_common() -> None:
             assert found.constants.mu.value == pytest.approx(0.15, abs=0.02)
 
 
+def test_a_campaign_refuses_a_covariance(tmp_path: Path) -> None:
+    with pytest.raises(ifrfit.UsageError, match="knows no covariance"):
+        run_campaign([tmp_path], ["run"], tmp_path / "out", lambda _: [], covariance=np.eye(2))
+
+
 @pytest.mark.parametrize("row", OF_NOISE)
 def test_each_cell_of_the_page_on_noise_is_what_the_method_does(row: str, tmp_path: Path) -> None:
     (line,) = (each for each in OF_PAGE if each[0].startswith(row))
