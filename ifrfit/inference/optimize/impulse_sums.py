@@ -63,8 +63,8 @@ class ImpulseSums:
         return cls(rows, 0.5 * (rows.domain[0] + rows.domain[1]), 0.0, k, k)
 
     def about(self, c: float, kappa: float) -> ImpulseSums:
-        """About a point near the optimum, given in what is left of c and kappa here."""
-        c, kappa, law = c + self.c, kappa + self.kappa, self.rows.law
+        """About a point near the optimum."""
+        law = self.rows.law
         slide = law.a0 + law.a1 * c
         return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
 

@@ -16,6 +16,7 @@ _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no 
 _FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
 DOUBT = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
 _MOST_REFINED = 256  # cells that are solved again at the most
+_FAR = 1e150  # stands for a slip ratio without end
 _STEP_CONVERGED = 1e-12  # of a standard deviation
 _STEPS = 3  # at a cell, each from the last minimum
 
@@ -66,10 +67,10 @@ class SolvedCells:
 
     def lowest_bound_elsewhere(self) -> float:
         """Least bound over all cells but those that hold the least value."""
-        rest = np.ones(self.bounds.size, dtype=bool)
+        rest = self.bounds.copy()
         same = self.values <= self.value + self.errors + self.errors[self.best]
-        rest[self.cells[same]] = False
-        return float(self.bounds[rest].min(initial=np.inf))
+        rest[self.cells[same]] = np.inf
+        return float(rest[rest.argmin()])
 
 
 def local_minima(transition: Transition, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
@@ -81,15 +82,17 @@ def local_minima(transition: Transition, high: Array, found: SolvedCells) -> lis
     """
     if not found.all_near_solved:
         return _runs(found)
-    near = found.values <= found.value + NEAR
-    order = np.argsort(found.cells[near])
-    number, value, point = found.cells[near][order], found.values[near][order], found.points[near][order]
+    near = (found.values <= found.value + NEAR).nonzero()[0]
+    if near.size == 1:
+        return [(found.value, found.point)]
+    near = near[found.cells[near].argsort()]
+    number, value, point = found.cells[near], found.values[near], found.points[near]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
     kappa, bound = transition.at(point)
-    neighbours = np.diff(number) == 1
     kink = high[number[:-1]]
-    linked = neighbours & (_touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink))
-    breaks = np.flatnonzero(~linked) + 1
+    linked = _touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink)
+    linked &= number[1:] - number[:-1] == 1
+    breaks = (~linked).nonzero()[0] + 1
     heights, minima = value.tolist(), []
     for start, stop in itertools.pairwise((0, *breaks.tolist(), number.size)):
         minima += _valleys(heights, start, stop, tolerance)
@@ -112,9 +115,8 @@ def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
 
 def _touches(kappa: Array, bound: Array, tau: Array) -> NDArray[np.bool_]:
     """Whether a point lies on the kink at tau."""
-    with np.errstate(invalid="ignore"):  # nothing touches a kink at infinity
-        kink = tau * bound
-        return np.asarray(np.abs(kappa - kink) < 1e-9 * (np.abs(kappa) + np.abs(kink)))
+    kink = np.minimum(tau, _FAR) * bound  # nothing touches a kink at infinity
+    return np.asarray(np.abs(kappa - kink) < 1e-9 * (np.abs(kappa) + np.abs(kink)))
 
 
 def _valleys(values: list[float], start: int, stop: int, tolerance: float) -> list[int]:

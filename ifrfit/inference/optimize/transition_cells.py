@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import Array
+from ifrfit.inference.optimize.piecewise import NEAR, Array
 from ifrfit.inference.optimize.piecewise_quadratic import DOUBTFUL, FLAT, CellMinima
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 from ifrfit.physics.impulse_laws import Coefficients
 
 Index = NDArray[np.intp]
@@ -23,6 +24,8 @@ Bool = NDArray[np.bool_]
 
 UU, UV, VV, UUX, UUXX, UVX = range(6)  # sums of products of u, v and x
 CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 2 C c - 2 K kappa + ONE
+_CHUNK = 4096  # cells solved at once
+_TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
@@ -71,17 +74,18 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
     rounding : float
         Relative error of a sum.
     """
-    first = form[CC] > 0.0
-    factor = np.divide(form[CK], form[CC], out=np.zeros_like(form[CC]), where=first)
-    of_c = np.divide(form[C], form[CC], out=np.zeros_like(form[CC]), where=first) * form[C]
-    pivot = form[KK] - factor * form[CK]
-    share = np.divide(pivot, form[KK], out=np.ones_like(pivot), where=form[KK] > 0.0)
-    second = (share > FLAT) & (form[KK] > 0.0)
-    left = form[K] - factor * form[C]
-    of_kappa = np.divide(left * left, pivot, out=np.zeros_like(pivot), where=second)
+    cc, ck, kk, of_c, of_k, one = form
+    cc, kk = cc + _TINY, kk + _TINY  # where no row knows c, or kappa, nothing is left of either
+    factor = ck / cc
+    by_c = of_c * of_c / cc
     # the pivot is scaled to a unit diagonal: as it is in the general elimination
-    error = rounding * (size + of_c + of_kappa / np.where(second, share, 1.0))
-    return form[ONE] - of_c - of_kappa - error, share < DOUBTFUL
+    share = 1.0 - factor * ck / kk
+    doubtful = share < DOUBTFUL
+    np.maximum(share, FLAT, out=share)
+    left = of_k - factor * of_c
+    by_kappa = left * left / (share * kk)
+    error = rounding * (size + by_c + by_kappa / share)
+    return one - by_c - by_kappa - error, doubtful
 
 
 def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
@@ -97,8 +101,8 @@ def lowest_on_wall(
     turn, foot = law.b1 * tau, law.b0 * tau - kappa0
     curved = form[CC] + (2.0 * form[CK] + form[KK] * turn) * turn
     slope = form[C] - form[CK] * foot + (form[K] - form[KK] * foot) * turn
-    c = np.divide(slope, curved, out=np.zeros_like(slope), where=curved > 0.0)
-    return np.asarray(np.minimum(np.maximum(c, domain[0]), domain[1]))
+    c = slope / (curved + _TINY)
+    return np.minimum(np.maximum(c, domain[0], out=c), domain[1], out=c)
 
 
 @dataclass(frozen=True)
@@ -155,51 +159,62 @@ class TransitionCells:
         """Number of cells."""
         return int(self.n_stick.size)
 
-    @property
-    def n_unknowns(self) -> int:
-        """c and kappa."""
-        return 2
+    def solved(self) -> SolvedCells:
+        """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
-    @property
-    def least(self) -> float:
-        """Of a sum of squares."""
-        return 0.0
-
-    def lower_bounds(self) -> tuple[Array, Bool]:
-        """Lower bound of every cell from its unconstrained minimum, and which are in doubt, (1, m) each."""
+        A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
+        left alone, one that the sums leave in doubt keeps the bound that needs no sums.
+        """
         bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
-        return bounds[None], doubtful[None]
+        np.maximum(bounds, 0.0, out=bounds)
+        bounds[doubtful] = 0.0
+        c = lowest_on_wall(self.form, self.low, self.law, self.domain, self.kappa0)
+        kappa = self.low * (self.law.b0 + self.law.b1 * c) - self.kappa0
+        met = value_at(self.form, c, kappa)
+        limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
+        which = (~(bounds > limit)).nonzero()[0]
+        parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
+        found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
+        least = found.values - found.errors
+        sure = ~doubtful[which]
+        bounds[which[sure]] = least[sure]
+        return SolvedCells(found.values, found.errors, found.points, which, bounds, all_near_solved=True)
 
     def minima(self, which: Index) -> CellMinima:
-        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
-        form, low, high = self.form[:, which], self.low[which], self.high[which]
-        law, (first, last) = self.law, self.domain
-        cc, ck, kk, of_c, of_k, _ = form
-        c, kappa = np.empty((2, 5, which.size))
-        walls = np.empty((2, which.size))
-        walls[0] = low
-        walls[1] = high
+        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
+
+        A convex function that is least outside of a cell is least in the cell on an edge that parts the two:
+        at an end of the domain only where the free minimum lies beyond one.
+        """
+        form, law, (first, last) = self.form.take(which, axis=1), self.law, self.domain
+        low, high = self.low[which], self.high[which]
         last_cell = high == np.inf  # it has one wall, which is as good as any place where no row knows kappa
-        np.copyto(walls[1], low, where=last_cell)
-        with np.errstate(all="ignore"):
-            det, both = ck * ck, cc * kk
-            np.subtract(both, det, out=det)
-            c[0] = (of_c * kk - ck * of_k) / det
-            kappa[0] = (cc * of_k - ck * of_c) / det
-            bound = law.b0 + law.b1 * c[0]
-            inside = (c[0] >= first) & (c[0] <= last) & (kappa[0] >= low * bound - self.kappa0)
-            inside &= (kappa[0] <= high * bound - self.kappa0) & (det > FLAT * both)
-            c[1:3] = lowest_on_wall(form, walls, law, self.domain, self.kappa0)
+        cc, ck, kk, of_c, of_k, _ = form
+        both = cc * kk
+        det = both - ck * ck
+        curved = det > FLAT * both
+        det = np.where(curved, det, 1.0)
+        c, kappa = np.empty((2, 5, which.size))
+        c[0] = (of_c * kk - ck * of_k) / det
+        kappa[0] = (cc * of_k - ck * of_c) / det
+        in_domain = curved & (c[0] >= first) & (c[0] <= last)
+        bound = law.b0 + law.b1 * c[0]
+        moved = kappa[0] + self.kappa0
+        inside = in_domain & (moved >= low * bound) & ((moved <= high * bound) | last_cell)
+        walls = np.empty((2, which.size))
+        walls[0], walls[1] = low, np.where(last_cell, low, high)
+        c[1:3] = lowest_on_wall(form, walls, law, self.domain, self.kappa0)
+        kappa[1:3] = walls * (law.b0 + law.b1 * c[1:3]) - self.kappa0
+        n = 3 if in_domain.all() else 5
+        if n == 5:
             c[3], c[4] = first, last
-            along = (of_k - ck * c[3:]) / kk
-            along[:, kk <= 0.0] = 0.0
-            kappa[3:] = along
-            ends = walls[:, None] * (law.b0 + law.b1 * c[1:]) - self.kappa0
-            kappa[1], kappa[2] = ends[0, 0], ends[1, 1]
-            np.maximum(kappa[3:], ends[0, 2:], out=kappa[3:])
-            np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:], where=~last_cell | (kk <= 0.0))
-            value = value_at(form, c, kappa)
-            value[0, ~inside] = np.inf
+            ends = walls[:, None] * (law.b0 + law.b1 * c[3:]) - self.kappa0
+            along = (of_k - ck * c[3:]) / (kk + _TINY)
+            np.maximum(along, ends[0], out=along)
+            np.minimum(along, ends[1], out=kappa[3:])
+            np.copyto(kappa[3:], along, where=last_cell & (kk > 0.0))
+        value = value_at(form, c[:n], kappa[:n])
+        value[0, ~inside] = np.inf
         best, cell = value.argmin(axis=0), np.arange(which.size)
         points = np.empty((which.size, 2))
         points[:, 0], points[:, 1] = c[best, cell], kappa[best, cell]

@@ -108,7 +108,7 @@ def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array
     """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
     local = fit.gaussian
     gradient = np.zeros(local.phi.size)
-    low, high = problem.parameters.bounds()
+    low, high = (ends.copy() for ends in problem.parameters.bounds())
     places = problem.parameters.positions
     for i, (name, constant) in enumerate(zip(local.names, problem.parameters.entries, strict=True)):
         if name.startswith("kappa"):

@@ -88,7 +88,8 @@ def test_the_same_optimum_gap_and_minima_as_branch_and_bound(group: ParameterGro
     np.testing.assert_allclose(found.t, expected.t, rtol=1e-9, atol=1e-10)
     assert len(found.optima) == len(expected.optima)
     for (value, t), (other, at) in zip(found.optima, expected.optima, strict=True):
-        assert value == pytest.approx(other, abs=tolerance)
+        # that of others is left as it comes from sums, whose terms may be 1e8 times larger
+        assert value == pytest.approx(other, abs=10.0 * tolerance)
         np.testing.assert_allclose(t, at, rtol=1e-6, atol=1e-7)
     # several cells may share an end: which of them is named does not matter
     for unknown in (0, 1):
@@ -131,7 +132,7 @@ def test_sums_about_any_point_make_the_same_chi2() -> None:
     about_middle = ImpulseSums.of(rows)
     cells = about_middle.all_cells()
     for c, kappa in ((0.1, 0.2), (-0.2, 0.05)):
-        moved = about_middle.about(c, kappa)
+        moved = about_middle.about(about_middle.c + c, kappa)
         others = moved.all_cells()
         np.testing.assert_array_equal(others.n_stick, cells.n_stick)
         for at_c, at_kappa in ((0.0, 0.1), (0.3, 0.4)):
