@@ -96,15 +96,15 @@ def optimum_of(
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
     near = found.values <= found.value + _CHI2_95
-    points, n_stick = found.points[near], cells.n_stick[found.cells[near]]
+    points, n_stick = found.points[near], cells.n_stick[found.cells[near]].tolist()
     return PiecewiseOptimum(
         found.point,
         chi2,
         gap,
         tuple(optima),
         np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
-        bool((n_stick == 0).any()),
-        bool((n_stick == n_rows).any()),
+        0 in n_stick,
+        n_rows in n_stick,
     )
 
 

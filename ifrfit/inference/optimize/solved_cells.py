@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +15,6 @@ _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no 
 _FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
 DOUBT = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
 _MOST_REFINED = 256  # cells that are solved again at the most
-_FAR = 1e150  # stands for a slip ratio without end
 _STEP_CONVERGED = 1e-12  # of a standard deviation
 _STEPS = 3  # at a cell, each from the last minimum
 
@@ -65,6 +63,11 @@ class SolvedCells:
         """In which cell."""
         return int(self.cells[self.best])
 
+    @property
+    def lowest_bound(self) -> float:
+        """Least bound over all cells."""
+        return float(self.bounds[self.bounds.argmin()])
+
     def lowest_bound_elsewhere(self) -> float:
         """Least bound over all cells but those that hold the least value."""
         rest = self.bounds.copy()
@@ -86,17 +89,18 @@ def local_minima(transition: Transition, high: Array, found: SolvedCells) -> lis
     if near.size == 1:
         return [(found.value, found.point)]
     near = near[found.cells[near].argsort()]
-    number, value, point = found.cells[near], found.values[near], found.points[near]
+    number, point = found.cells[near].tolist(), found.points[near]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
-    kappa, bound = transition.at(point)
-    kink = high[number[:-1]]
-    linked = _touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink)
-    linked &= number[1:] - number[:-1] == 1
-    breaks = (~linked).nonzero()[0] + 1
-    heights, minima = value.tolist(), []
-    for start, stop in itertools.pairwise((0, *breaks.tolist(), number.size)):
+    kappa, bound = (each.tolist() for each in transition.at(point))
+    heights, minima, start = found.values[near].tolist(), [], 0
+    for stop in range(1, len(number) + 1):
+        if stop < len(number) and number[stop] == number[stop - 1] + 1:
+            kink = float(high[number[stop - 1]])
+            if any(_touches(kappa[i], kink * bound[i]) for i in (stop - 1, stop)):
+                continue
         minima += _valleys(heights, start, stop, tolerance)
-    return sorted(((float(value[at]), point[at]) for at in minima), key=lambda item: item[0])
+        start = stop
+    return sorted(((heights[at], point[at]) for at in minima), key=lambda item: item[0])
 
 
 def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
@@ -113,10 +117,9 @@ def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
     return sorted(minima, key=lambda item: item[0])
 
 
-def _touches(kappa: Array, bound: Array, tau: Array) -> NDArray[np.bool_]:
-    """Whether a point lies on the kink at tau."""
-    kink = np.minimum(tau, _FAR) * bound  # nothing touches a kink at infinity
-    return np.asarray(np.abs(kappa - kink) < 1e-9 * (np.abs(kappa) + np.abs(kink)))
+def _touches(kappa: float, kink: float) -> bool:
+    """Whether a point lies on a kink."""
+    return abs(kappa - kink) < 1e-9 * (abs(kappa) + abs(kink))
 
 
 def _valleys(values: list[float], start: int, stop: int, tolerance: float) -> list[int]:
@@ -142,7 +145,7 @@ def refine(problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: Solv
     doubt, as they mostly do, nothing is solved again.
     """
     slack = DOUBT * max(1.0, abs(found.value))
-    if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
+    if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
         return found
     bounds = found.bounds.copy()
     starts = {int(cell): point for cell, point in zip(found.cells, found.points, strict=True)}

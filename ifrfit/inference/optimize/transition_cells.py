@@ -24,6 +24,8 @@ Bool = NDArray[np.bool_]
 
 UU, UV, VV, UUX, UUXX, UVX = range(6)  # sums of products of u, v and x
 CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 2 C c - 2 K kappa + ONE
+SIZE = 6  # no less than the terms that make up `ONE`
+_WALLS = 64  # on which a value is looked for
 _CHUNK = 4096  # cells solved at once
 _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
@@ -41,23 +43,24 @@ def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
 
 
 def quadratic_matrix(law: Coefficients) -> Array:
-    """What makes the coefficients of chi2 in (c, kappa) from the sums, (6, 9).
+    """What makes the coefficients of chi2 in (c, kappa), and their size, from the sums, (7, 9).
 
-    The coefficients come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`; of the sums the first three are
-    over the rows that stick, the other six over those that slide.
+    They come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`, `SIZE`; of the sums the first three are over
+    the rows that stick, the other six over those that slide.
     """
-    a, b = law.a0 + law.b0, law.a1 + law.b1
-    made = np.zeros((6, 9))
-    stick, slide = made[:, :N_BELOW], made[:, N_BELOW:]
-    stick[CC, UU] = b * b
-    stick[C, UV], stick[C, UU] = b, -b * a
-    stick[ONE, UU], stick[ONE, UV], stick[ONE, VV] = a * a, -2.0 * a, 1.0
-    slide[CC, UU] = law.a1**2
+    made = np.zeros((7, 9))
+    for part, a, b in (
+        (made[:, :N_BELOW], law.a0 + law.b0, law.a1 + law.b1),
+        (made[:, N_BELOW:], law.a0, law.a1),
+    ):
+        part[CC, UU] = b * b
+        part[C, UV], part[C, UU] = b, -b * a
+        part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
+        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0  # 2 a uv is no more than a^2 u^2 + v^2
+    slide = made[:, N_BELOW:]
     slide[CK, UUX] = law.a1
     slide[KK, UUXX] = 1.0
-    slide[C, UV], slide[C, UU] = law.a1, -law.a1 * law.a0
     slide[K, UVX], slide[K, UUX] = 1.0, -law.a0
-    slide[ONE, UU], slide[ONE, UV], slide[ONE, VV] = law.a0**2, -2.0 * law.a0, 1.0
     return made
 
 
@@ -112,9 +115,8 @@ class TransitionCells:
     Attributes
     ----------
     form : ndarray, (6, m)
-        See `quadratic_matrix`.
     size : ndarray, (m,)
-        Of the terms that make up chi2 at c = kappa = 0.
+        See `quadratic_matrix`.
     n_stick : ndarray of int, (m,)
         How many rows stick; -1 for the void between cells that are no neighbours.
     low, high : ndarray, (m,)
@@ -168,9 +170,10 @@ class TransitionCells:
         bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
         np.maximum(bounds, 0.0, out=bounds)
         bounds[doubtful] = 0.0
-        c = lowest_on_wall(self.form, self.low, self.law, self.domain, self.kappa0)
-        kappa = self.low * (self.law.b0 + self.law.b1 * c) - self.kappa0
-        met = value_at(self.form, c, kappa)
+        some = slice(None, None, self.n_stick.size // _WALLS + 1)
+        form, walls = self.form[:, some], self.low[some]
+        c = lowest_on_wall(form, walls, self.law, self.domain, self.kappa0)
+        met = value_at(form, c, walls * (self.law.b0 + self.law.b1 * c) - self.kappa0)
         limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
         which = (~(bounds > limit)).nonzero()[0]
         parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
@@ -183,46 +186,47 @@ class TransitionCells:
     def minima(self, which: Index) -> CellMinima:
         """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
 
-        A convex function that is least outside of a cell is least in the cell on an edge that parts the two:
-        at an end of the domain only where the free minimum lies beyond one.
+        A convex function that is least beyond some edges of a cell has its minimum in the cell on one of these:
+        ends of the domain are looked at only where a free minimum lies beyond one.
         """
-        form, law, (first, last) = self.form.take(which, axis=1), self.law, self.domain
+        k, law, kappa0, (first, last) = which.size, self.law, self.kappa0, self.domain
         low, high = self.low[which], self.high[which]
-        last_cell = high == np.inf  # it has one wall, which is as good as any place where no row knows kappa
+        form = self.form.take(which, axis=1)
         cc, ck, kk, of_c, of_k, _ = form
-        both = cc * kk
-        det = both - ck * ck
-        curved = det > FLAT * both
-        det = np.where(curved, det, 1.0)
-        c, kappa = np.empty((2, 5, which.size))
-        c[0] = (of_c * kk - ck * of_k) / det
-        kappa[0] = (cc * of_k - ck * of_c) / det
-        in_domain = curved & (c[0] >= first) & (c[0] <= last)
-        bound = law.b0 + law.b1 * c[0]
-        moved = kappa[0] + self.kappa0
-        inside = in_domain & (moved >= low * bound) & ((moved <= high * bound) | last_cell)
-        walls = np.empty((2, which.size))
-        walls[0], walls[1] = low, np.where(last_cell, low, high)
-        c[1:3] = lowest_on_wall(form, walls, law, self.domain, self.kappa0)
-        kappa[1:3] = walls * (law.b0 + law.b1 * c[1:3]) - self.kappa0
-        n = 3 if in_domain.all() else 5
-        if n == 5:
-            c[3], c[4] = first, last
-            ends = walls[:, None] * (law.b0 + law.b1 * c[3:]) - self.kappa0
-            along = (of_k - ck * c[3:]) / (kk + _TINY)
-            np.maximum(along, ends[0], out=along)
-            np.minimum(along, ends[1], out=kappa[3:])
-            np.copyto(kappa[3:], along, where=last_cell & (kk > 0.0))
-        value = value_at(form, c[:n], kappa[:n])
-        value[0, ~inside] = np.inf
-        best, cell = value.argmin(axis=0), np.arange(which.size)
-        points = np.empty((which.size, 2))
-        points[:, 0], points[:, 1] = c[best, cell], kappa[best, cell]
-        linear = np.abs(form[C : K + 1] * points.T).sum(axis=0)
-        return CellMinima(value[best, cell], self.rounding * (self.size[which] + 4.0 * linear), points)
+        # the last cell has one wall, which is as good as any place where no row knows kappa
+        is_last = high == np.inf
+        high = np.where(is_last, low, high)
+        both, det = cc * kk, ck * ck
+        np.subtract(both, det, out=det)
+        flat = det <= FLAT * both
+        det[flat] = np.inf
+        c, kappa = (of_c * kk - ck * of_k) / det, (cc * of_k - ck * of_c) / det
+        beyond = flat | (c < first) | (c > last)
+        bound = law.b0 + law.b1 * c
+        outside = beyond | (kappa < low * bound - kappa0) | ((kappa > high * bound - kappa0) & ~is_last)
+        walls, twice = np.concatenate((low, high)), np.concatenate((form, form), axis=1)
+        on_wall = lowest_on_wall(twice, walls, law, self.domain, kappa0)
+        forms, at_c = [form, twice], [c, on_wall]
+        at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
+        if beyond.any():
+            for end in self.domain:
+                bound = law.b0 + law.b1 * end
+                along = np.maximum((of_k - ck * end) / (kk + _TINY), low * bound - kappa0)
+                capped = np.minimum(along, high * bound - kappa0)
+                forms.append(form)
+                at_c.append(np.full(k, end))
+                at_kappa.append(np.where(is_last & (kk > 0.0), along, capped))
+        c, kappa = np.concatenate(at_c), np.concatenate(at_kappa)
+        value = value_at(np.concatenate(forms, axis=1), c, kappa)
+        value[:k][outside] = np.inf
+        best = value.reshape(-1, k).argmin(axis=0) * k + np.arange(k)
+        c, kappa = c[best], kappa[best]
+        linear = np.abs(of_c * c) + np.abs(of_k * kappa)
+        points = np.array((c, kappa)).T
+        return CellMinima(value[best], self.rounding * (self.size[which] + 4.0 * linear), points)
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""
-        form = self.form[:, which]
-        pivot = form[CC] * form[KK] - form[CK] ** 2
-        return bool(((form[CC] > 0.0) & (pivot >= DOUBTFUL * form[CC] * form[KK])).all())
+        cc, ck, kk, *_ = self.form.take(which, axis=1)
+        both = cc * kk
+        return bool(((cc > 0.0) & (both - ck * ck >= DOUBTFUL * both)).all())

@@ -105,12 +105,13 @@ class _Solved:
     @classmethod
     def of(cls, rows: ImpulseRows) -> _Solved | None:
         """None where rounding leaves a doubt."""
-        low, high = float(rows.tau.min(initial=np.inf)), float(rows.tau.max(initial=0.0))
+        tau = rows.tau
+        low, high = (float(tau[tau.argmin()]), float(tau[tau.argmax()])) if tau.size else (0.0, 0.0)
         if not 0.0 < low <= high < np.inf:
             return None
         sums = ImpulseSums.of(rows)
         for again in (True, False):
-            if rows.tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
+            if tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
                 cells = sums.all_cells()
             else:
                 cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
@@ -118,7 +119,7 @@ class _Solved:
             found.points[:] += sums.c, sums.kappa
             c, kappa = found.point.tolist()
             slack = DOUBT * max(1.0, abs(found.value))
-            if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
+            if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
                 return cls(cells, found, rows.chi2(c, kappa))
             if again and math.isfinite(found.value):
                 sums = sums.about(c, kappa)
