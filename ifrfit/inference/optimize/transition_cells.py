@@ -93,17 +93,21 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
 
 def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
     """Chi2 of quadratics (6, ...) at (c, kappa)."""
-    along_c = form[CC] * c + 2.0 * (form[CK] * kappa - form[C])
-    return np.asarray(along_c * c + (form[KK] * kappa - 2.0 * form[K]) * kappa + form[ONE])
+    cc, ck, kk, of_c, of_k, one = form
+    along_c = cc * c + 2.0 * (ck * kappa - of_c)
+    return np.asarray(along_c * c + (kk * kappa - 2.0 * of_k) * kappa + one)
 
 
 def lowest_on_wall(
     form: Array, tau: Array, law: Coefficients, domain: tuple[float, float], kappa0: float
 ) -> Array:
     """The c of the least chi2 where the transition lies at tau: kappa0 + kappa = tau (b0 + b1 c)."""
-    turn, foot = law.b1 * tau, law.b0 * tau - kappa0
-    curved = form[CC] + (2.0 * form[CK] + form[KK] * turn) * turn
-    slope = form[C] - form[CK] * foot + (form[K] - form[KK] * foot) * turn
+    foot = law.b0 * tau - kappa0
+    curved, slope = form[CC], form[C] - form[CK] * foot
+    if law.b1 != 0.0:  # else a wall lies at one kappa
+        turn = law.b1 * tau
+        curved = curved + (2.0 * form[CK] + form[KK] * turn) * turn
+        slope += (form[K] - form[KK] * foot) * turn
     c = slope / (curved + _TINY)
     return np.minimum(np.maximum(c, domain[0], out=c), domain[1], out=c)
 
