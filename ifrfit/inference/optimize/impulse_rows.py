@@ -16,6 +16,7 @@ from ifrfit.inference.optimize.transition_cells import CC, KK, ONE, C, Index, K,
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observable import Observable
 
+_KEPT = 1_000_000  # rows whose u and v are kept: 16 MB
 _WHOLE = slice(None)
 BLOCK = 16384  # rows at once, which stay in the cache
 
@@ -103,11 +104,16 @@ class ImpulseRows:
 
     @cached_property
     def _of_all(self) -> tuple[Array, Array]:
-        return self._made(_WHOLE)
+        if self.tau.size <= BLOCK:
+            return self._made(_WHOLE)
+        u, v = np.empty((2, self.tau.size))
+        for at in self.blocks():
+            u[at], v[at] = self._made(at)
+        return u, v
 
     def of_places(self, at: slice | Index) -> tuple[Array, Array]:
         """u and v of some of the rows."""
-        if self.tau.size > BLOCK:
+        if self.tau.size > _KEPT:
             return self._made(at)
         u, v = self._of_all
         return u[at], v[at]
