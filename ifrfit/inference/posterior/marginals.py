@@ -278,8 +278,9 @@ def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
 def _quantile_error_if_normal(own: Marginal) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
     fine, coarse = own.at_normal_places[1]
-    change = float((np.abs(coarse - fine) / _HALF_DENSITY).max())
-    return change, bool(np.abs(fine[1:-1:4] - _ENDS).max() < _NEARLY)
+    change = np.abs(coarse - fine) / _HALF_DENSITY
+    off = np.abs(fine[1:-1:4] - _ENDS)
+    return float(change[change.argmax()]), bool(off[off.argmax()] < _NEARLY)
 
 
 def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:

@@ -367,17 +367,18 @@ def quantiles_near_normal(
     if not (apart and least > places[0] and largest < places[-1]):
         return None
     x, slope = _polynomial_through(places, at.tolist(), target)
-    before, x_before = target, x
+    before: tuple[Array, Array] | None = None
     for _ in range(_SECANTS):
         is_inside = x[x.argmin()] > ends[0] and x[x.argmax()] < ends[1]
         if not (slope[slope.argmin()] > 0.0 and is_inside):
             return None
         found = cdf(x)
         own = _normal(found)
-        rise, run = own - before, x - x_before
-        is_resolved = rise * run > _RESOLVED * run * run / slope  # else a difference is rounding
-        slope = np.where(is_resolved, run / np.where(is_resolved, rise, 1.0), slope)
-        before, x_before = own, x
+        if before is not None:
+            rise, run = own - before[0], x - before[1]
+            is_resolved = rise * run > _RESOLVED * run * run / slope  # else a difference is rounding
+            slope = np.where(is_resolved, run / np.where(is_resolved, rise, 1.0), slope)
+        before = own, x
         x = x + (target - own) * slope
         off = np.abs(found - p)
         if off[off.argmax()] <= accuracy:  # and one step better
