@@ -64,7 +64,7 @@ def loadings_of(
     Without numbers they are those of all errors that move any row. Cells that are empty say that a row has no
     part in one.
     """
-    every, numbers = numbers is None, numbers_in(table.columns) if numbers is None else numbers
+    every, numbers = numbers is None, numbers_in(table.columns.tolist()) if numbers is None else numbers
     value, angle = np.zeros((2, len(table), len(numbers)))
     if not numbers:
         return value, angle, ()

@@ -90,8 +90,10 @@ class Marginal:
         found = np.where(value >= self.high, 1.0, 0.0)
         inside = (value > self.low) & (value < self.high)
         if inside.any():
-            parts = np.array_split(value[inside], 1 + value.size // _THRESHOLDS)
-            found[inside] = np.clip(np.concatenate([self.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
+            at = value[inside]
+            parts = [at[i : i + _THRESHOLDS] for i in range(0, at.size, _THRESHOLDS)]
+            reached = np.concatenate([self.cdf(part, 1)[0] for part in parts])
+            found[inside] = np.minimum(np.maximum(reached, 0.0), 1.0)
         return found
 
     @cached_property
