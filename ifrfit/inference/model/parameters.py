@@ -295,7 +295,7 @@ class ParameterSet:
 
     @cached_property
     def sources(self) -> tuple[Index, Index]:
-        """Where each entry of theta stands among the (e_n, c, mu) of every series: series and column, (p,)."""
+        """Series and column of each entry of theta among the (e_n, c, mu) of every series, (p,) each."""
         column = {p.name: 1 for p in self.parameters} | {"e_n": 0, "mu": 2}
         each = [
             (number, column[p.name])

@@ -56,7 +56,10 @@ def quadratic_matrix(law: Coefficients) -> Array:
         part[CC, UU] = b * b
         part[C, UV], part[C, UU] = b, -b * a
         part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
-        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0  # 2 a uv is no more than a^2 u^2 + v^2
+        part[SIZE, UU], part[SIZE, VV] = (
+            2.0 * a * a,
+            2.0 if a else 1.0,
+        )  # 2 a uv is no more than a^2 u^2 + v^2
     slide = made[:, N_BELOW:]
     slide[CK, UUX] = law.a1
     slide[KK, UUXX] = 1.0
@@ -108,8 +111,8 @@ def lowest_on_wall(
         turn = law.b1 * tau
         curved = curved + (2.0 * form[CK] + form[KK] * turn) * turn
         slope += (form[K] - form[KK] * foot) * turn
-    c = slope / (curved + _TINY)
-    return np.minimum(np.maximum(c, domain[0], out=c), domain[1], out=c)
+    c: Array = slope / (curved + _TINY)
+    return np.minimum(np.maximum(c, domain[0]), domain[1])
 
 
 @dataclass(frozen=True)
@@ -160,11 +163,6 @@ class TransitionCells:
         rounding = max(each.rounding for each in runs)
         return cls(form, size, n_stick, low, high, first.law, first.domain, rounding, first.kappa0)
 
-    @property
-    def n_cells(self) -> int:
-        """Number of cells."""
-        return int(self.n_stick.size)
-
     def solved(self) -> SolvedCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
@@ -190,8 +188,8 @@ class TransitionCells:
     def minima(self, which: Index) -> CellMinima:
         """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
 
-        A convex function that is least beyond some edges of a cell has its minimum in the cell on one of these:
-        ends of the domain are looked at only where a free minimum lies beyond one.
+        A convex function that is least beyond some edges of a cell has its minimum in the cell on one of
+        these: ends of the domain are looked at only where a free minimum lies beyond one.
         """
         k, law, kappa0, (first, last) = which.size, self.law, self.kappa0, self.domain
         low, high = self.low[which], self.high[which]

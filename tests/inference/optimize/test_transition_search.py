@@ -18,8 +18,10 @@ from ifrfit.inference.optimize.impulse_rows import ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup
+from ifrfit.inference.optimize.piecewise import PiecewiseBatch
+from ifrfit.inference.optimize.piecewise_quadratic import quadratic_of
 from ifrfit.inference.optimize.solve import solve, whole_group
-from ifrfit.inference.optimize.transition_cells import value_at
+from ifrfit.inference.optimize.transition_cells import lowest_anywhere, value_at
 from ifrfit.inference.optimize.transition_search import least_chi2, transition_optimum
 from ifrfit.physics.closures import get_closure
 
@@ -203,3 +205,35 @@ def test_what_e_n_alone_decides_is_added() -> None:
     held = replace(group, e_n=replace(group.e_n, fixed=float(found.theta[0])))
     assert found.objective == pytest.approx(minimise(kappa_form(held).problem).chi2, rel=1e-10)
     assert found.certified
+
+
+@settings(max_examples=60, deadline=None)
+@given(groups())
+def test_every_cell_has_the_minimum_of_the_general_solution(group: ParameterGroup) -> None:
+    """Also cells that no search would look at: a free minimum far outside, beyond ends of the domain."""
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    cells = ImpulseSums.of(rows).all_cells()
+    problem = kappa_form(group).problem.sorted_by_tau()
+    quadratic = quadratic_of(PiecewiseBatch(problem))
+    np.testing.assert_array_equal(cells.n_stick, quadratic.n_stick)
+    every = np.arange(cells.n_stick.size)
+    found, expected = cells.minima(every), quadratic.minima(problem, every)
+    _, doubtful = lowest_anywhere(cells.form, cells.size, cells.rounding)
+    assert found.values.shape == expected.values.shape
+    off = np.abs(found.values - expected.values)
+    allowed = 10.0 * (found.errors + expected.errors) + 1e-9 * (1.0 + np.abs(expected.values))
+    assert (off <= allowed)[~doubtful].all()
+
+
+def test_what_is_left_alone_lies_above_a_value_that_is_met() -> None:
+    group = group_of(5, 400, sigma=0.02)
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    cells = ImpulseSums.of(rows).all_cells()
+    found, every = cells.solved(), cells.minima(np.arange(cells.n_stick.size))
+    assert found.cells.size < 0.5 * cells.n_stick.size
+    assert found.value == every.values.min()
+    alone = np.setdiff1d(np.arange(cells.n_stick.size), found.cells)
+    assert (found.bounds[alone] > found.value + 4.0).all()
+    assert (found.bounds <= every.values).all()
