@@ -21,10 +21,9 @@ from ifrfit.inference.optimize.piecewise import (
     PiecewiseBatch,
     PiecewiseOptimum,
     PiecewiseProblem,
-    Transition,
 )
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
-from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, local_minima, refine
+from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, TransitionAt, local_minima, refine
 from ifrfit.inference.optimize.transition_cells import TransitionCells
 
 Index = NDArray[np.intp]
@@ -81,7 +80,7 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     quadratic = quadratic_of(PiecewiseBatch(problem))
     found = refine(problem, quadratic, branch(problem, quadratic, _FIRST, count_minima=True).member(0))
     return optimum_of(
-        problem.transition,
+        problem.transition.at,
         quadratic,
         found,
         problem.value(found.point),
@@ -90,13 +89,16 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
 
 
 def optimum_of(
-    transition: Transition,
+    transition: TransitionAt,
     cells: PiecewiseQuadratic | TransitionCells,
     found: SolvedCells,
     chi2: float,
     n_rows: int,
 ) -> PiecewiseOptimum:
-    """What the solved cells say, with the value at the best point from the rows themselves."""
+    """What the solved cells say, with the value at the best point from the rows themselves.
+
+    `transition` gives kappa and the bound of the impulse at points, as `Transition.at`.
+    """
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
     near = found.values <= found.value + _CHI2_95

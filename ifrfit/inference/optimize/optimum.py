@@ -79,7 +79,7 @@ def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
     lower, upper = problem.parameters.bounds()
     inside = np.minimum(np.maximum(theta, lower), upper)
     endless = np.isinf(theta)
-    return np.where(endless, theta, inside) if endless.any() else inside
+    return np.where(endless, theta, inside) if np.count_nonzero(endless) else inside
 
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem, Transition
+from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, cell_constraints, cell_minima
+
+TransitionAt = Callable[[Array], tuple[Array, Array]]  # as `Transition.at`
 
 _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
 _FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
@@ -76,8 +79,8 @@ class SolvedCells:
         return float(rest[rest.argmin()])
 
 
-def local_minima(transition: Transition, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
-    """Distinct local minima within `NEAR` of the least, best first.
+def local_minima(transition: TransitionAt, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
+    """Distinct local minima within `NEAR` of the least, best first; `transition` as `Transition.at`.
 
     A cell's minimum on a kink is one of the whole only if the cell beyond the kink goes no lower; equal
     neighbours are one minimum. Where there are too many cells for that, each unbroken run of cells whose
@@ -91,7 +94,7 @@ def local_minima(transition: Transition, high: Array, found: SolvedCells) -> lis
     near = near[found.cells[near].argsort()]
     number, point = found.cells[near].tolist(), found.points[near]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
-    kappa, bound = (each.tolist() for each in transition.at(point))
+    kappa, bound = (each.tolist() for each in transition(point))
     heights, minima, start = found.values[near].tolist(), [], 0
     for stop in range(1, len(number) + 1):
         if stop < len(number) and number[stop] == number[stop - 1] + 1:

@@ -23,7 +23,7 @@ from ifrfit.inference.optimize.parameter_group import (
     ParameterGroup,
     restitution_optimum,
 )
-from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum, Transition
+from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum
 from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells
 from ifrfit.inference.optimize.transition_cells import (
     N_BELOW,
@@ -41,7 +41,6 @@ _FEW = 2000  # rows that are sorted at once
 _FINE = 8.0  # intervals, times the root of the number of rows: it balances sums against rows that are sorted
 _MOST_BINS = 8192
 _NARROW = 1e-6  # relative spread of 1 + tau below which intervals would lose their digits
-_KAPPA = np.array([0.0, 1.0])
 
 
 def optimum_in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
@@ -90,7 +89,11 @@ def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     found, law = solved.found, rows.law
     if not solved.cells.determine(found.cells[found.values <= found.value + NEAR]):
         return None
-    transition = Transition(_KAPPA, 0.0, np.array([law.b1, 0.0]), law.b0)
+
+    def transition(points: Array) -> tuple[Array, Array]:
+        c, kappa = points.T
+        return kappa, law.b0 + law.b1 * c
+
     return optimum_of(transition, solved.cells, found, solved.chi2, rows.tau.size)
 
 

@@ -227,7 +227,7 @@ def test_every_cell_has_the_minimum_of_the_general_solution(group: ParameterGrou
 
 
 def test_what_is_left_alone_lies_above_a_value_that_is_met() -> None:
-    group = group_of(5, 400, sigma=0.02)
+    group = group_of(4, 400, "fr", sigma=0.02)
     rows = ImpulseRows.of(group)
     assert rows is not None
     cells = ImpulseSums.of(rows).all_cells()
