@@ -56,10 +56,8 @@ def quadratic_matrix(law: Coefficients) -> Array:
         part[CC, UU] = b * b
         part[C, UV], part[C, UU] = b, -b * a
         part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
-        part[SIZE, UU], part[SIZE, VV] = (
-            2.0 * a * a,
-            2.0 if a else 1.0,
-        )  # 2 a uv is no more than a^2 u^2 + v^2
+        # 2 a uv is no more than a^2 u^2 + v^2
+        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0
     slide = made[:, N_BELOW:]
     slide[CK, UUX] = law.a1
     slide[KK, UUXX] = 1.0
@@ -163,11 +161,16 @@ class TransitionCells:
         rounding = max(each.rounding for each in runs)
         return cls(form, size, n_stick, low, high, first.law, first.domain, rounding, first.kappa0)
 
-    def solved(self) -> SolvedCells:
+    def solved(self, center: tuple[float, float] = (0.0, 0.0)) -> SolvedCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
         A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
         left alone, one that the sums leave in doubt keeps the bound that needs no sums.
+
+        Parameters
+        ----------
+        center : (float, float)
+            What c and kappa lack here: it is added to the points.
         """
         bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
         np.maximum(bounds, 0.0, out=bounds)
@@ -183,7 +186,8 @@ class TransitionCells:
         least = found.values - found.errors
         sure = ~doubtful[which]
         bounds[which[sure]] = least[sure]
-        return SolvedCells(found.values, found.errors, found.points, which, bounds, all_near_solved=True)
+        points = found.points + center
+        return SolvedCells(found.values, found.errors, points, which, bounds, all_near_solved=True)
 
     def minima(self, which: Index) -> CellMinima:
         """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
@@ -211,13 +215,15 @@ class TransitionCells:
         forms, at_c = [form, twice], [c, on_wall]
         at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
         if beyond.any():
+            slides = kk > 0.0
+            turns = np.where(slides, kk, np.inf)
             for end in self.domain:
                 bound = law.b0 + law.b1 * end
-                along = np.maximum((of_k - ck * end) / (kk + _TINY), low * bound - kappa0)
+                along = np.maximum((of_k - ck * end) / turns, low * bound - kappa0)
                 capped = np.minimum(along, high * bound - kappa0)
                 forms.append(form)
                 at_c.append(np.full(k, end))
-                at_kappa.append(np.where(is_last & (kk > 0.0), along, capped))
+                at_kappa.append(np.where(is_last & slides, along, capped))
         c, kappa = np.concatenate(at_c), np.concatenate(at_kappa)
         value = value_at(np.concatenate(forms, axis=1), c, kappa)
         value[:k][outside] = np.inf

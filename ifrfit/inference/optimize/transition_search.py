@@ -118,8 +118,7 @@ class _Solved:
                 cells = sums.all_cells()
             else:
                 cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
-            found = cells.solved()
-            found.points[:] += sums.c, sums.kappa
+            found = cells.solved((sums.c, sums.kappa))
             c, kappa = found.point.tolist()
             slack = DOUBT * max(1.0, abs(found.value))
             if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
