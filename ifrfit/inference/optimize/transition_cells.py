@@ -214,7 +214,7 @@ class TransitionCells:
         on_wall = lowest_on_wall(twice, walls, law, self.domain, kappa0)
         forms, at_c = [form, twice], [c, on_wall]
         at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
-        if beyond.any():
+        if np.count_nonzero(beyond):
             slides = kk > 0.0
             turns = np.where(slides, kk, np.inf)
             for end in self.domain:
