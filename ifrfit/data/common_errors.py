@@ -45,7 +45,8 @@ def dimension_of(name: str) -> str | None:
 
 def common_columns_in(names: Iterable[str]) -> list[str]:
     """Those names that are columns of common errors, by number."""
-    found = {name: match for name in names if (match := _COLUMN.fullmatch(str(name))) is not None}
+    likely = (name for name in names if str(name).startswith("common"))
+    found = {name: match for name in likely if (match := _COLUMN.fullmatch(str(name))) is not None}
     return sorted(found, key=lambda name: (int(found[name]["number"]), found[name]["angle"] or ""))
 
 
@@ -70,8 +71,10 @@ def loadings_of(
     Without numbers they are those of all errors that move any row. Cells that are empty say that a row has no
     part in one.
     """
-    every, numbers = numbers is None, numbers_in(table.columns) if numbers is None else numbers
-    value, angle = np.zeros((len(table), len(numbers))), np.zeros((len(table), len(numbers)))
+    every, numbers = numbers is None, numbers_in(table.columns.tolist()) if numbers is None else numbers
+    value, angle = np.zeros((2, len(table), len(numbers)))
+    if not numbers:
+        return value, angle, ()
     for place, number in enumerate(numbers):
         for column, into in ((of_value(number), value), (of_angle(number), angle)):
             if column in table:

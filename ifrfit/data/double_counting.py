@@ -52,6 +52,9 @@ def double_counted(
     UsageError
         Observables or series that were named would count impacts twice.
     """
+    impacts = impact_numbers(table)
+    if not any(faces.values()) and not (impacts >= 0).any():
+        return np.zeros(len(table), dtype=bool), []
     names = table["observable"].to_numpy(dtype=object)
     labels = table["series"].to_numpy(dtype=object)
     named = (("--observable", observable, names), ("--series", series, labels))
@@ -65,7 +68,6 @@ def double_counted(
             if later.any():
                 _refuse_named(table, links, named)
             double |= later
-    impacts = impact_numbers(table)
     within = _taken(np.where(double, -1, impacts), names, np.arange(len(table)))
     if within.any():
         _refuse_named(table, impacts, named)

@@ -172,6 +172,12 @@ class Observations:
         return len(self.__dict__["_table"])
 
     @property
+    def stored(self) -> pd.DataFrame:
+        """The table itself, to be read and never written to: a copy for every look takes its time."""
+        found: pd.DataFrame = self.__dict__["_table"]
+        return found
+
+    @property
     def provenance(self) -> tuple[str, ...]:
         """Return the distinct provenances in order of appearance; empty string where none is stated."""
         return tuple(str(p) for p in self.table["provenance"].unique())

@@ -87,7 +87,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
     DataError
         Nothing is left.
     """
-    table = obs.table
+    table = obs.stored
     _check(table, selection)
     why = np.full(len(table), "", dtype=object)
     for reason, keep in _filters(table, selection):

@@ -387,7 +387,7 @@ def make_question(
     if seed < 0:
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
-    sigma = observations.table["sigma"].to_numpy(dtype=float)
+    sigma = observations.stored["sigma"].to_numpy(dtype=float)
     if noise_policy(observations, sigma, noise.policy) == "mixed":
         observations = rows_with_sigma(observations)
     conditions = setting_of(observations, inertia_factor, scene)

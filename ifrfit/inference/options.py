@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
@@ -360,7 +361,7 @@ class Noise(Options):
             raise UsageError(f"--common-errors {self.common_errors}: choose {' or '.join(COMMON_ERRORS)}.")
         _ = self.error_model  # which checks
 
-    @property
+    @cached_property
     def error_model(self) -> ErrorModel:
         """The law of the measured values."""
         angles = self.angles or AngleErrors()

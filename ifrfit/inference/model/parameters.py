@@ -330,6 +330,18 @@ class ParameterSet:
             start += n if p.separate else 1
         return places
 
+    @cached_property
+    def sources(self) -> tuple[Index, Index]:
+        """Series and column of each entry of theta among the (e_n, c, mu) of every series, (p,) each."""
+        column = {p.name: 1 for p in self.parameters} | {"e_n": 0, "mu": 2}
+        each = [
+            (number, column[p.name])
+            for p in self.parameters
+            for number in (range(len(self.series)) if p.separate else (0,))
+        ]
+        series, which = np.array(each, dtype=np.intp).T
+        return series, which
+
     @property
     def differ_by_series(self) -> bool:
         """Whether series have constants of their own."""
@@ -359,7 +371,13 @@ class ParameterSet:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the entries of theta, (p,) each."""
-        return np.array([p.lower for p in self.entries]), np.array([p.upper for p in self.entries])
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        lower, upper = np.array([(p.lower, p.upper) for p in self.entries]).reshape(-1, 2).T.copy()
+        lower.flags.writeable = upper.flags.writeable = False
+        return lower, upper
 
     @cached_property
     def prior_sd(self) -> Array:

@@ -460,7 +460,7 @@ def make_problem(
     UsageError
         For an unknown policy.
     """
-    table = observations.table
+    table = observations.stored
     if len(table) == 0:
         raise DataError("No rows are left to fit.")
     rows, series = Rows.of(table)

@@ -10,7 +10,6 @@ rounding leaves in doubt is solved again from its own rows. Derived in docs/theo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,10 @@ from ifrfit.inference.optimize.piecewise import (
     PiecewiseBatch,
     PiecewiseOptimum,
     PiecewiseProblem,
-    Transition,
 )
-from ifrfit.inference.optimize.piecewise_quadratic import CellMinima, PiecewiseQuadratic, quadratic_of
-from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, local_minima, refine
+from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
+from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells, TransitionAt, local_minima, refine
+from ifrfit.inference.optimize.transition_cells import TransitionCells
 
 Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]
@@ -81,8 +80,8 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     quadratic = quadratic_of(PiecewiseBatch(problem))
     found = refine(problem, quadratic, branch(problem, quadratic, _FIRST, count_minima=True).member(0))
     return optimum_of(
-        problem.transition,
-        _PiecewiseCells(problem, quadratic),
+        problem.transition.at,
+        quadratic,
         found,
         problem.value(found.point),
         problem.tau.size,
@@ -90,21 +89,28 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
 
 
 def optimum_of(
-    transition: Transition, cells: Cells, found: SolvedCells, chi2: float, n_rows: int
+    transition: TransitionAt,
+    cells: PiecewiseQuadratic | TransitionCells,
+    found: SolvedCells,
+    chi2: float,
+    n_rows: int,
 ) -> PiecewiseOptimum:
-    """What the solved cells say, with the value at the best point from the rows themselves."""
+    """What the solved cells say, with the value at the best point from the rows themselves.
+
+    `transition` gives kappa and the bound of the impulse at points, as `Transition.at`.
+    """
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
     near = found.values <= found.value + _CHI2_95
-    points, n_stick = found.points[near], cells.n_stick[found.cells[near]]
+    points, n_stick = found.points[near], cells.n_stick[found.cells[near]].tolist()
     return PiecewiseOptimum(
         found.point,
         chi2,
         gap,
         tuple(optima),
         np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
-        bool((n_stick == 0).any()),
-        bool((n_stick == n_rows).any()),
+        0 in n_stick,
+        n_rows in n_stick,
     )
 
 
@@ -149,93 +155,29 @@ class Branched:
         )
 
 
-class Cells(Protocol):
-    """The cells of b problems, m each: what is known of them before any is solved."""
-
-    @property
-    def n_stick(self) -> Index:
-        """How many rows, in ascending order of tau, stick in a cell, (m,)."""
-        ...
-
-    @property
-    def high(self) -> Array:
-        """Slip ratio of the first row that slides, (m,)."""
-        ...
-
-    @property
-    def n_unknowns(self) -> int:
-        """Number of unknowns."""
-        ...
-
-    @property
-    def least(self) -> float:
-        """A bound of every cell that needs no sums."""
-        ...
-
-    def lower_bounds(self) -> tuple[Array, Bool]:
-        """Lower bound of every cell, and which cells the sums leave in doubt, (b, m) each."""
-        ...
-
-    def minima(self, which: Index) -> CellMinima:
-        """Constrained minima of chosen cells, counted through the cells of all problems."""
-        ...
-
-
-@dataclass(frozen=True)
-class _PiecewiseCells:
-    """The cells of a piecewise problem, in up to three unknowns."""
-
-    problem: PiecewiseProblem
-    quadratic: PiecewiseQuadratic
-
-    @property
-    def n_stick(self) -> Index:
-        return self.quadratic.n_stick
-
-    @property
-    def high(self) -> Array:
-        return self.quadratic.high
-
-    @property
-    def n_unknowns(self) -> int:
-        return self.problem.kappa.size
-
-    @property
-    def least(self) -> float:
-        return 0.0 if self.problem.linear is None else -np.inf
-
-    def lower_bounds(self) -> tuple[Array, Bool]:
-        return self.quadratic.lower_bounds(linear=self.problem.linear is not None)
-
-    def minima(self, which: Index) -> CellMinima:
-        return self.quadratic.minima(self.problem, which)
-
-
 def branch(
     problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, n_first: int, *, count_minima: bool = False
 ) -> Branched:
-    """Branch over the cells of a piecewise problem."""
-    return branch_over(_PiecewiseCells(problem, quadratic), n_first, count_minima=count_minima)
-
-
-def branch_over(cells: Cells, n_first: int, *, count_minima: bool = False) -> Branched:
     """Solve every cell whose bound does not lie above the best value of its problem.
 
     The cells with the lowest bounds give a first value; all that its bound admits follow. The value only
     falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
     bound that needs no sums. With `count_minima` cells within `NEAR` of the best value are solved as well.
     """
-    bounds, doubtful = cells.lower_bounds()
+    is_sum_of_squares = problem.linear is None
+    bounds, doubtful = quadratic.lower_bounds(linear=not is_sum_of_squares)
+    least = 0.0 if is_sum_of_squares else -np.inf  # what needs no sums
     b, m = bounds.shape
-    np.maximum(bounds, cells.least, out=bounds)
-    bounds[doubtful] = cells.least
+    np.maximum(bounds, least, out=bounds)
+    bounds[doubtful] = least
     values, errors = np.full(b * m, np.inf), np.zeros(b * m)
-    points = np.zeros((b * m, cells.n_unknowns))
+    n_unknowns = problem.kappa.size
+    points = np.zeros((b * m, n_unknowns))
 
     def solve(which: Index) -> None:
         for start in range(0, which.size, _CHUNK):
             at = which[start : start + _CHUNK]
-            found = cells.minima(at)
+            found = quadratic.minima(problem, at)
             values[at], errors[at], points[at] = found.values, found.errors, found.points
 
     n_first = min(n_first, m)
@@ -264,7 +206,7 @@ def branch_over(cells: Cells, n_first: int, *, count_minima: bool = False) -> Br
     return Branched(
         values.reshape(shape),
         errors.reshape(shape),
-        points.reshape(b, m, cells.n_unknowns),
+        points.reshape(b, m, n_unknowns),
         lowest,
         solved,
         bounds,

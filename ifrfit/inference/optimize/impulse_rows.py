@@ -16,6 +16,8 @@ from ifrfit.inference.optimize.transition_cells import CC, KK, ONE, C, Index, K,
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observable import Observable
 
+_KEPT = 1_000_000  # rows whose u and v are kept: 16 MB
+_WHOLE = slice(None)
 BLOCK = 16384  # rows at once, which stay in the cache
 
 
@@ -102,28 +104,34 @@ class ImpulseRows:
 
     @cached_property
     def _of_all(self) -> tuple[Array, Array]:
-        return self._made(slice(None))
+        if self.tau.size <= BLOCK:
+            return self._made(_WHOLE)
+        u, v = np.empty((2, self.tau.size))
+        for at in self.blocks():
+            u[at], v[at] = self._made(at)
+        return u, v
 
     def of_places(self, at: slice | Index) -> tuple[Array, Array]:
         """u and v of some of the rows."""
-        if self.tau.size > BLOCK:
+        if self.tau.size > _KEPT:
             return self._made(at)
         u, v = self._of_all
         return u[at], v[at]
 
     def _made(self, at: slice | Index) -> tuple[Array, Array]:
         at = at if self.places is None else self.places[at]
-        incidence = self.rows.incidence.map(lambda part: part[..., at])
+        is_whole = isinstance(at, slice) and at == _WHOLE
+        incidence = self.rows.incidence if is_whole else self.rows.incidence.take(at)
         weight, value = self.weight[at], self.rows.value[at]
-        u, v = np.empty((2, weight.size))
         which = None if len(self.parts) == 1 else self.rows.which[at]
+        u, v = np.empty((2, weight.size))
         for observable, factor in self.parts:
             assert observable.linear is not None
             offset, slope = observable.linear(incidence, self.inertia_factor)
             if factor != 1.0:
                 offset, slope = factor * offset, factor * slope
             if which is None:
-                u, v = slope, np.subtract(value, offset, out=v)
+                u, v = slope, value - offset
             else:
                 here = which == self.rows.names.index(observable.name)
                 u[here], v[here] = slope[here], (value - offset)[here]

@@ -16,6 +16,7 @@ from ifrfit.inference.optimize.transition_cells import (
     KK,
     N_BELOW,
     ONE,
+    SIZE,
     C,
     Index,
     K,
@@ -63,8 +64,8 @@ class ImpulseSums:
         return cls(rows, 0.5 * (rows.domain[0] + rows.domain[1]), 0.0, k, k)
 
     def about(self, c: float, kappa: float) -> ImpulseSums:
-        """About a point near the optimum, given in what is left of c and kappa here."""
-        c, kappa, law = c + self.c, kappa + self.kappa, self.rows.law
+        """About a point near the optimum."""
+        law = self.rows.law
         slide = law.a0 + law.a1 * c
         return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
 
@@ -102,8 +103,10 @@ class ImpulseSums:
         return quadratic_matrix(left if self._in_common else Coefficients(0.0, left.a1, 0.0, left.b1))
 
     @cached_property
-    def direct(self) -> Array:
-        """`ImpulseRows.direct` in what is left of c and kappa."""
+    def direct(self) -> Array | None:
+        """`ImpulseRows.direct` in what is left of c and kappa; None for nothing."""
+        if not self.rows.direct.any():
+            return None
         made = self.rows.direct.copy()
         made[ONE] = value_at(made, self.c, self.kappa)
         made[C] -= made[CC] * self.c + made[CK] * self.kappa
@@ -125,23 +128,23 @@ class ImpulseSums:
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
-        form = self.matrix @ sums
-        size = np.abs(self.matrix[ONE]) @ np.abs(sums)
-        if self.rows.direct.any():
+        made = self.matrix @ sums
+        form, size = made[:SIZE], made[SIZE]
+        if self.direct is not None:
             form += self.direct[:, None]
             size += np.abs(self.direct[ONE])
         return form, size
 
     def cells(
-        self, order: Index, outside: Array, ends: tuple[float, float], n_below: int, depth: float
+        self, order: Index, outside: Array | None, ends: tuple[float, float], n_below: int, depth: float
     ) -> TransitionCells:
         """Cells of some rows, in ascending order of tau.
 
         Parameters
         ----------
         order : ndarray of int, (n,)
-        outside : ndarray, (9,)
-            Sums over the rows below, which stick, and over those above.
+        outside : ndarray, (9,), or None
+            Sums over the rows below, which stick, and over those above; None where there are none.
         ends : (float, float)
             Slip ratios between which the transition lies.
         n_below : int
@@ -151,17 +154,18 @@ class ImpulseSums:
         """
         tau, n = self.rows.tau[order], order.size
         terms = self.products(order, np.empty((self.width, n)))
-        sums = np.empty((9, n + 1))
-        sums[:] = outside[:, None]
-        sums[:N_BELOW, 1:] += terms[:N_BELOW].cumsum(axis=1)
+        sums = np.zeros((9, n + 1))
+        np.add.accumulate(terms[:N_BELOW], axis=1, out=sums[:N_BELOW, 1:])
         # not as what is left of all: where x is large the difference would lose its digits
-        sums[N_BELOW:, -2::-1] += terms[self.above, ::-1].cumsum(axis=1)
+        np.add.accumulate(terms[self.above, ::-1], axis=1, out=sums[N_BELOW:, -2::-1])
+        if outside is not None:
+            sums += outside[:, None]
         low, high = np.empty(n + 1), np.empty(n + 1)
         low[0], high[-1] = ends
         low[1:] = high[:-1] = tau
         n_stick = np.arange(n_below, n_below + n + 1)
         change = high > low
-        if not change.all():  # rows of equal tau change together
+        if np.count_nonzero(change) <= n:  # rows of equal tau change together
             sums, low, high, n_stick = sums[:, change], low[change], high[change], n_stick[change]
         form, size = self.quadratics(sums)
         return TransitionCells(
@@ -170,8 +174,8 @@ class ImpulseSums:
 
     def all_cells(self) -> TransitionCells:
         """The cells of all rows."""
-        order = self.rows.tau.argsort()
-        return self.cells(order, np.zeros(9), (0.0, np.inf), 0, float(order.size))
+        order = self.rows.tau.argsort(kind="stable")  # in no time where rows come by angle
+        return self.cells(order, None, (0.0, np.inf), 0, float(order.size))
 
 
 def rounding_of(depth: float) -> float:

@@ -127,10 +127,10 @@ def gaussian_approximation(
     names, phi, to_theta, by_phi, residual = weighted_jacobian(problem, sigma, theta, with_priors=with_priors)
     n = problem.rows.value.size
     gradient = -2.0 * (by_phi.T @ residual)
-    unit, size = whitening(np.empty((n, 0)) if common is None else common, sigma)
-    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    by_phi = by_phi.copy()
-    by_phi[:n] -= (unit * shrunk) @ (unit.T @ by_phi[:n])
+    if common is not None:
+        unit, size = whitening(common, sigma)
+        shrunk = unit * (1.0 - 1.0 / np.sqrt(1.0 + size**2))
+        by_phi[:n] -= shrunk @ (unit.T @ by_phi[:n])
     free = problem.parameters.free
     scale = problem.parameters.prior_sd / np.abs(np.diag(to_theta))
     carried = _carried(problem, theta, to_theta)
@@ -144,8 +144,11 @@ def gaussian_approximation(
     vectors[:] = carried @ (scale[free, None] * right.T)
     seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
     fitted = left[:n, seen]
-    leverage = ((fitted - (unit * shrunk) @ (unit.T @ fitted)) ** 2).sum(axis=1)
-    leverage += unit**2 @ (size**2 / (1.0 + size**2))
+    if common is None:
+        leverage = (fitted * fitted).sum(axis=1)
+    else:
+        leverage = ((fitted - shrunk @ (unit.T @ fitted)) ** 2).sum(axis=1)
+        leverage += unit**2 @ (size**2 / (1.0 + size**2))
     return GaussianApproximation(names, phi, to_theta, vectors, singular, gradient, leverage)
 
 

@@ -75,12 +75,11 @@ class Optimum:
 def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
     """Several thetas, (m, p), each from the (e_n, c, mu) of its series."""
     values = np.array(combinations)
-    theta = np.zeros((len(combinations), len(problem.parameters.names)))
-    for name, value in zip(("e_n", problem.closure.constant, "mu"), np.moveaxis(values, -1, 0), strict=True):
-        if name is not None:
-            theta[:, problem.parameters.positions[name]] = value
+    theta = values[:, *problem.parameters.sources]
     lower, upper = problem.parameters.bounds()
-    return np.where(np.isinf(theta), theta, np.clip(theta, lower, upper))
+    inside = np.minimum(np.maximum(theta, lower), upper)
+    endless = np.isinf(theta)
+    return np.where(endless, theta, inside) if np.count_nonzero(endless) else inside
 
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +109,12 @@ class CellMinima:
     values: Array
     errors: Array
     points: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[CellMinima]) -> CellMinima:
+        """Those of several lots of cells, one after the other."""
+        columns = zip(*((each.values, each.errors, each.points) for each in parts), strict=True)
+        return cls(*map(np.concatenate, columns))
 
 
 def quadratic_of(batch: PiecewiseBatch) -> PiecewiseQuadratic:

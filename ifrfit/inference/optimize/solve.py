@@ -155,23 +155,22 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     spread = len(problem.series) // len(parts)  # one group has the constants of all series
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
-    values, combinations = [objective], [best]
+    values, minima, extremes = [objective], [best], []
     for i, part in enumerate(parts):
-        rest = best[:i], best[i + 1 :]
+        below, above = best[:i], best[i + 1 :]
         values += [objective + (value - part.objective) for value, _ in part.minima[1:]]
-        combinations += [[*rest[0], constants, *rest[1]] for _, constants in part.minima[1:]]
-    n_minima = len(combinations)
-    for i, part in enumerate(parts):
-        combinations += [[*best[:i], constants, *best[i + 1 :]] for constants in part.extremes]
-    thetas = list(thetas_of(problem, [each * spread for each in combinations]))
-    minima = sorted(zip(values, thetas[:n_minima], strict=True), key=lambda pair: pair[0])
-    extremes = thetas[n_minima:]
-    gaps = [part.gap for part in parts]
-    gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
+        minima += [[*below, constants, *above] for _, constants in part.minima[1:]]
+        extremes += [[*below, constants, *above] for constants in part.extremes]
+    thetas = thetas_of(problem, [each * spread for each in minima + extremes])
+    pairs = sorted(zip(values, thetas, strict=False), key=lambda pair: pair[0])
+    gaps = [part.gap for part in parts if part.gap is not None]
+    gap = sum(gaps) if len(gaps) == len(parts) else None
     searched = [part.method for part in parts if part.method.endswith("series")]
     method = (searched or ["all partitions of each series"])[0] if parts[1:] else parts[0].method
     is_local = any(part.is_local for part in parts)
-    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes), is_local=is_local)
+    return Optimum(
+        pairs[0][1], objective, gap, tuple(pairs), method, tuple(thetas[len(minima) :]), is_local=is_local
+    )
 
 
 def solve_group(group: ParameterGroup, *, certified: bool = True) -> GroupOptimum | None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem, Transition
+from ifrfit.inference.optimize.piecewise import NEAR, Array, LinearRows, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, cell_constraints, cell_minima
+
+TransitionAt = Callable[[Array], tuple[Array, Array]]  # as `Transition.at`
 
 _WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
 _FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
@@ -64,16 +66,21 @@ class SolvedCells:
         """In which cell."""
         return int(self.cells[self.best])
 
+    @property
+    def lowest_bound(self) -> float:
+        """Least bound over all cells."""
+        return float(self.bounds[self.bounds.argmin()])
+
     def lowest_bound_elsewhere(self) -> float:
         """Least bound over all cells but those that hold the least value."""
-        rest = np.ones(self.bounds.size, dtype=bool)
+        rest = self.bounds.copy()
         same = self.values <= self.value + self.errors + self.errors[self.best]
-        rest[self.cells[same]] = False
-        return float(self.bounds[rest].min(initial=np.inf))
+        rest[self.cells[same]] = np.inf
+        return float(rest[rest.argmin()])
 
 
-def local_minima(transition: Transition, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
-    """Distinct local minima within `NEAR` of the least, best first.
+def local_minima(transition: TransitionAt, high: Array, found: SolvedCells) -> list[tuple[float, Array]]:
+    """Distinct local minima within `NEAR` of the least, best first; `transition` as `Transition.at`.
 
     A cell's minimum on a kink is one of the whole only if the cell beyond the kink goes no lower; equal
     neighbours are one minimum. Where there are too many cells for that, each unbroken run of cells whose
@@ -81,19 +88,22 @@ def local_minima(transition: Transition, high: Array, found: SolvedCells) -> lis
     """
     if not found.all_near_solved:
         return _runs(found)
-    near = found.values <= found.value + NEAR
-    order = np.argsort(found.cells[near])
-    number, value, point = found.cells[near][order], found.values[near][order], found.points[near][order]
+    near = (found.values <= found.value + NEAR).nonzero()[0]
+    if near.size == 1:
+        return [(found.value, found.point)]
+    near = near[found.cells[near].argsort()]
+    number, point = found.cells[near].tolist(), found.points[near]
     tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
-    kappa, bound = transition.at(point)
-    neighbours = np.diff(number) == 1
-    kink = high[number[:-1]]
-    linked = neighbours & (_touches(kappa[:-1], bound[:-1], kink) | _touches(kappa[1:], bound[1:], kink))
-    breaks = np.flatnonzero(~linked) + 1
-    heights, minima = value.tolist(), []
-    for start, stop in itertools.pairwise((0, *breaks.tolist(), number.size)):
+    kappa, bound = (each.tolist() for each in transition(point))
+    heights, minima, start = found.values[near].tolist(), [], 0
+    for stop in range(1, len(number) + 1):
+        if stop < len(number) and number[stop] == number[stop - 1] + 1:
+            kink = float(high[number[stop - 1]])
+            if any(_touches(kappa[i], kink * bound[i]) for i in (stop - 1, stop)):
+                continue
         minima += _valleys(heights, start, stop, tolerance)
-    return sorted(((float(value[at]), point[at]) for at in minima), key=lambda item: item[0])
+        start = stop
+    return sorted(((heights[at], point[at]) for at in minima), key=lambda item: item[0])
 
 
 def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
@@ -110,11 +120,9 @@ def _runs(found: SolvedCells) -> list[tuple[float, Array]]:
     return sorted(minima, key=lambda item: item[0])
 
 
-def _touches(kappa: Array, bound: Array, tau: Array) -> NDArray[np.bool_]:
-    """Whether a point lies on the kink at tau."""
-    with np.errstate(invalid="ignore"):  # nothing touches a kink at infinity
-        kink = tau * bound
-        return np.asarray(np.abs(kappa - kink) < 1e-9 * (np.abs(kappa) + np.abs(kink)))
+def _touches(kappa: float, kink: float) -> bool:
+    """Whether a point lies on a kink."""
+    return abs(kappa - kink) < 1e-9 * (abs(kappa) + abs(kink))
 
 
 def _valleys(values: list[float], start: int, stop: int, tolerance: float) -> list[int]:
@@ -140,7 +148,7 @@ def refine(problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: Solv
     doubt, as they mostly do, nothing is solved again.
     """
     slack = DOUBT * max(1.0, abs(found.value))
-    if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
+    if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
         return found
     bounds = found.bounds.copy()
     starts = {int(cell): point for cell, point in zip(found.cells, found.points, strict=True)}

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import Array
+from ifrfit.inference.optimize.piecewise import NEAR, Array
 from ifrfit.inference.optimize.piecewise_quadratic import DOUBTFUL, FLAT, CellMinima
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 from ifrfit.physics.impulse_laws import Coefficients
 
 Index = NDArray[np.intp]
@@ -23,6 +24,10 @@ Bool = NDArray[np.bool_]
 
 UU, UV, VV, UUX, UUXX, UVX = range(6)  # sums of products of u, v and x
 CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 2 C c - 2 K kappa + ONE
+SIZE = 6  # no less than the terms that make up `ONE`
+_WALLS = 64  # on which a value is looked for
+_CHUNK = 4096  # cells solved at once
+_TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
@@ -38,23 +43,25 @@ def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
 
 
 def quadratic_matrix(law: Coefficients) -> Array:
-    """What makes the coefficients of chi2 in (c, kappa) from the sums, (6, 9).
+    """What makes the coefficients of chi2 in (c, kappa), and their size, from the sums, (7, 9).
 
-    The coefficients come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`; of the sums the first three are
-    over the rows that stick, the other six over those that slide.
+    They come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`, `SIZE`; of the sums the first three are over
+    the rows that stick, the other six over those that slide.
     """
-    a, b = law.a0 + law.b0, law.a1 + law.b1
-    made = np.zeros((6, 9))
-    stick, slide = made[:, :N_BELOW], made[:, N_BELOW:]
-    stick[CC, UU] = b * b
-    stick[C, UV], stick[C, UU] = b, -b * a
-    stick[ONE, UU], stick[ONE, UV], stick[ONE, VV] = a * a, -2.0 * a, 1.0
-    slide[CC, UU] = law.a1**2
+    made = np.zeros((7, 9))
+    for part, a, b in (
+        (made[:, :N_BELOW], law.a0 + law.b0, law.a1 + law.b1),
+        (made[:, N_BELOW:], law.a0, law.a1),
+    ):
+        part[CC, UU] = b * b
+        part[C, UV], part[C, UU] = b, -b * a
+        part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
+        # 2 a uv is no more than a^2 u^2 + v^2
+        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0
+    slide = made[:, N_BELOW:]
     slide[CK, UUX] = law.a1
     slide[KK, UUXX] = 1.0
-    slide[C, UV], slide[C, UU] = law.a1, -law.a1 * law.a0
     slide[K, UVX], slide[K, UUX] = 1.0, -law.a0
-    slide[ONE, UU], slide[ONE, UV], slide[ONE, VV] = law.a0**2, -2.0 * law.a0, 1.0
     return made
 
 
@@ -71,34 +78,39 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
     rounding : float
         Relative error of a sum.
     """
-    first = form[CC] > 0.0
-    factor = np.divide(form[CK], form[CC], out=np.zeros_like(form[CC]), where=first)
-    of_c = np.divide(form[C], form[CC], out=np.zeros_like(form[CC]), where=first) * form[C]
-    pivot = form[KK] - factor * form[CK]
-    share = np.divide(pivot, form[KK], out=np.ones_like(pivot), where=form[KK] > 0.0)
-    second = (share > FLAT) & (form[KK] > 0.0)
-    left = form[K] - factor * form[C]
-    of_kappa = np.divide(left * left, pivot, out=np.zeros_like(pivot), where=second)
+    cc, ck, kk, of_c, of_k, one = form
+    cc, kk = cc + _TINY, kk + _TINY  # where no row knows c, or kappa, nothing is left of either
+    factor = ck / cc
+    by_c = of_c * of_c / cc
     # the pivot is scaled to a unit diagonal: as it is in the general elimination
-    error = rounding * (size + of_c + of_kappa / np.where(second, share, 1.0))
-    return form[ONE] - of_c - of_kappa - error, share < DOUBTFUL
+    share = 1.0 - factor * ck / kk
+    doubtful = share < DOUBTFUL
+    np.maximum(share, FLAT, out=share)
+    left = of_k - factor * of_c
+    by_kappa = left * left / (share * kk)
+    error = rounding * (size + by_c + by_kappa / share)
+    return one - by_c - by_kappa - error, doubtful
 
 
 def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
     """Chi2 of quadratics (6, ...) at (c, kappa)."""
-    along_c = form[CC] * c + 2.0 * (form[CK] * kappa - form[C])
-    return np.asarray(along_c * c + (form[KK] * kappa - 2.0 * form[K]) * kappa + form[ONE])
+    cc, ck, kk, of_c, of_k, one = form
+    along_c = cc * c + 2.0 * (ck * kappa - of_c)
+    return np.asarray(along_c * c + (kk * kappa - 2.0 * of_k) * kappa + one)
 
 
 def lowest_on_wall(
     form: Array, tau: Array, law: Coefficients, domain: tuple[float, float], kappa0: float
 ) -> Array:
     """The c of the least chi2 where the transition lies at tau: kappa0 + kappa = tau (b0 + b1 c)."""
-    turn, foot = law.b1 * tau, law.b0 * tau - kappa0
-    curved = form[CC] + (2.0 * form[CK] + form[KK] * turn) * turn
-    slope = form[C] - form[CK] * foot + (form[K] - form[KK] * foot) * turn
-    c = np.divide(slope, curved, out=np.zeros_like(slope), where=curved > 0.0)
-    return np.asarray(np.minimum(np.maximum(c, domain[0]), domain[1]))
+    foot = law.b0 * tau - kappa0
+    curved, slope = form[CC], form[C] - form[CK] * foot
+    if law.b1 != 0.0:  # else a wall lies at one kappa
+        turn = law.b1 * tau
+        curved = curved + (2.0 * form[CK] + form[KK] * turn) * turn
+        slope += (form[K] - form[KK] * foot) * turn
+    c: Array = slope / (curved + _TINY)
+    return np.minimum(np.maximum(c, domain[0]), domain[1])
 
 
 @dataclass(frozen=True)
@@ -108,9 +120,8 @@ class TransitionCells:
     Attributes
     ----------
     form : ndarray, (6, m)
-        See `quadratic_matrix`.
     size : ndarray, (m,)
-        Of the terms that make up chi2 at c = kappa = 0.
+        See `quadratic_matrix`.
     n_stick : ndarray of int, (m,)
         How many rows stick; -1 for the void between cells that are no neighbours.
     low, high : ndarray, (m,)
@@ -150,64 +161,80 @@ class TransitionCells:
         rounding = max(each.rounding for each in runs)
         return cls(form, size, n_stick, low, high, first.law, first.domain, rounding, first.kappa0)
 
-    @property
-    def n_cells(self) -> int:
-        """Number of cells."""
-        return int(self.n_stick.size)
+    def solved(self, center: tuple[float, float] = (0.0, 0.0)) -> SolvedCells:
+        """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
-    @property
-    def n_unknowns(self) -> int:
-        """c and kappa."""
-        return 2
+        A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
+        left alone, one that the sums leave in doubt keeps the bound that needs no sums.
 
-    @property
-    def least(self) -> float:
-        """Of a sum of squares."""
-        return 0.0
-
-    def lower_bounds(self) -> tuple[Array, Bool]:
-        """Lower bound of every cell from its unconstrained minimum, and which are in doubt, (1, m) each."""
+        Parameters
+        ----------
+        center : (float, float)
+            What c and kappa lack here: it is added to the points.
+        """
         bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
-        return bounds[None], doubtful[None]
+        np.maximum(bounds, 0.0, out=bounds)
+        bounds[doubtful] = 0.0
+        some = slice(None, None, self.n_stick.size // _WALLS + 1)
+        form, walls = self.form[:, some], self.low[some]
+        c = lowest_on_wall(form, walls, self.law, self.domain, self.kappa0)
+        met = value_at(form, c, walls * (self.law.b0 + self.law.b1 * c) - self.kappa0)
+        limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
+        which = (~(bounds > limit)).nonzero()[0]
+        parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
+        found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
+        least = found.values - found.errors
+        sure = ~doubtful[which]
+        bounds[which[sure]] = least[sure]
+        points = found.points + center
+        return SolvedCells(found.values, found.errors, points, which, bounds, all_near_solved=True)
 
     def minima(self, which: Index) -> CellMinima:
-        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
-        form, low, high = self.form[:, which], self.low[which], self.high[which]
-        law, (first, last) = self.law, self.domain
+        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
+
+        A convex function that is least beyond some edges of a cell has its minimum in the cell on one of
+        these: ends of the domain are looked at only where a free minimum lies beyond one.
+        """
+        k, law, kappa0, (first, last) = which.size, self.law, self.kappa0, self.domain
+        low, high = self.low[which], self.high[which]
+        form = self.form.take(which, axis=1)
         cc, ck, kk, of_c, of_k, _ = form
-        c, kappa = np.empty((2, 5, which.size))
-        walls = np.empty((2, which.size))
-        walls[0] = low
-        walls[1] = high
-        last_cell = high == np.inf  # it has one wall, which is as good as any place where no row knows kappa
-        np.copyto(walls[1], low, where=last_cell)
-        with np.errstate(all="ignore"):
-            det, both = ck * ck, cc * kk
-            np.subtract(both, det, out=det)
-            c[0] = (of_c * kk - ck * of_k) / det
-            kappa[0] = (cc * of_k - ck * of_c) / det
-            bound = law.b0 + law.b1 * c[0]
-            inside = (c[0] >= first) & (c[0] <= last) & (kappa[0] >= low * bound - self.kappa0)
-            inside &= (kappa[0] <= high * bound - self.kappa0) & (det > FLAT * both)
-            c[1:3] = lowest_on_wall(form, walls, law, self.domain, self.kappa0)
-            c[3], c[4] = first, last
-            along = (of_k - ck * c[3:]) / kk
-            along[:, kk <= 0.0] = 0.0
-            kappa[3:] = along
-            ends = walls[:, None] * (law.b0 + law.b1 * c[1:]) - self.kappa0
-            kappa[1], kappa[2] = ends[0, 0], ends[1, 1]
-            np.maximum(kappa[3:], ends[0, 2:], out=kappa[3:])
-            np.minimum(kappa[3:], ends[1, 2:], out=kappa[3:], where=~last_cell | (kk <= 0.0))
-            value = value_at(form, c, kappa)
-            value[0, ~inside] = np.inf
-        best, cell = value.argmin(axis=0), np.arange(which.size)
-        points = np.empty((which.size, 2))
-        points[:, 0], points[:, 1] = c[best, cell], kappa[best, cell]
-        linear = np.abs(form[C : K + 1] * points.T).sum(axis=0)
-        return CellMinima(value[best, cell], self.rounding * (self.size[which] + 4.0 * linear), points)
+        # the last cell has one wall, which is as good as any place where no row knows kappa
+        is_last = high == np.inf
+        high = np.where(is_last, low, high)
+        both, det = cc * kk, ck * ck
+        np.subtract(both, det, out=det)
+        flat = det <= FLAT * both
+        det[flat] = np.inf
+        c, kappa = (of_c * kk - ck * of_k) / det, (cc * of_k - ck * of_c) / det
+        beyond = flat | (c < first) | (c > last)
+        bound = law.b0 + law.b1 * c
+        outside = beyond | (kappa < low * bound - kappa0) | ((kappa > high * bound - kappa0) & ~is_last)
+        walls, twice = np.concatenate((low, high)), np.concatenate((form, form), axis=1)
+        on_wall = lowest_on_wall(twice, walls, law, self.domain, kappa0)
+        forms, at_c = [form, twice], [c, on_wall]
+        at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
+        if np.count_nonzero(beyond):
+            slides = kk > 0.0
+            turns = np.where(slides, kk, np.inf)
+            for end in self.domain:
+                bound = law.b0 + law.b1 * end
+                along = np.maximum((of_k - ck * end) / turns, low * bound - kappa0)
+                capped = np.minimum(along, high * bound - kappa0)
+                forms.append(form)
+                at_c.append(np.full(k, end))
+                at_kappa.append(np.where(is_last & slides, along, capped))
+        c, kappa = np.concatenate(at_c), np.concatenate(at_kappa)
+        value = value_at(np.concatenate(forms, axis=1), c, kappa)
+        value[:k][outside] = np.inf
+        best = value.reshape(-1, k).argmin(axis=0) * k + np.arange(k)
+        c, kappa = c[best], kappa[best]
+        linear = np.abs(of_c * c) + np.abs(of_k * kappa)
+        points = np.array((c, kappa)).T
+        return CellMinima(value[best], self.rounding * (self.size[which] + 4.0 * linear), points)
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""
-        form = self.form[:, which]
-        pivot = form[CC] * form[KK] - form[CK] ** 2
-        return bool(((form[CC] > 0.0) & (pivot >= DOUBTFUL * form[CC] * form[KK])).all())
+        cc, ck, kk, *_ = self.form.take(which, axis=1)
+        both = cc * kk
+        return bool(((cc > 0.0) & (both - ck * ck >= DOUBTFUL * both)).all())

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ifrfit.inference.optimize.branch_and_bound import branch_over, optimum_of
+from ifrfit.inference.optimize.branch_and_bound import optimum_of
 from ifrfit.inference.optimize.impulse_rows import BLOCK, ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums, rounding_of
 from ifrfit.inference.optimize.parameter_group import (
@@ -23,7 +23,7 @@ from ifrfit.inference.optimize.parameter_group import (
     ParameterGroup,
     restitution_optimum,
 )
-from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum, Transition
+from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseOptimum
 from ifrfit.inference.optimize.solved_cells import DOUBT, SolvedCells
 from ifrfit.inference.optimize.transition_cells import (
     N_BELOW,
@@ -41,8 +41,6 @@ _FEW = 2000  # rows that are sorted at once
 _FINE = 8.0  # intervals, times the root of the number of rows: it balances sums against rows that are sorted
 _MOST_BINS = 8192
 _NARROW = 1e-6  # relative spread of 1 + tau below which intervals would lose their digits
-_FIRST = 64  # cells that are solved to get a first value
-_KAPPA = np.array([0.0, 1.0])
 
 
 def optimum_in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
@@ -88,19 +86,21 @@ def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     solved = _Solved.of(rows)
     if solved is None:
         return None
-    found, law = solved.found, solved.cells.law
+    found, law = solved.found, rows.law
     if not solved.cells.determine(found.cells[found.values <= found.value + NEAR]):
         return None
-    transition = Transition(_KAPPA, solved.sums.kappa, np.array([law.b1, 0.0]), law.b0)
-    optimum = optimum_of(transition, solved.cells, found, solved.chi2, rows.tau.size)
-    return optimum.moved(np.array([solved.sums.c, solved.sums.kappa]), 0.0)
+
+    def transition(points: Array) -> tuple[Array, Array]:
+        c, kappa = points.T
+        return kappa, law.b0 + law.b1 * c
+
+    return optimum_of(transition, solved.cells, found, solved.chi2, rows.tau.size)
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """Cells of rows, those that are solved, and the least value."""
+    """Cells of rows, those that are solved, with points in c and kappa themselves, and the least value."""
 
-    sums: ImpulseSums
     cells: TransitionCells
     found: SolvedCells
     chi2: float
@@ -108,20 +108,21 @@ class _Solved:
     @classmethod
     def of(cls, rows: ImpulseRows) -> _Solved | None:
         """None where rounding leaves a doubt."""
-        low, high = float(rows.tau.min(initial=np.inf)), float(rows.tau.max(initial=0.0))
+        tau = rows.tau
+        low, high = (float(tau[tau.argmin()]), float(tau[tau.argmax()])) if tau.size else (0.0, 0.0)
         if not 0.0 < low <= high < np.inf:
             return None
         sums = ImpulseSums.of(rows)
         for again in (True, False):
-            if rows.tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
+            if tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
                 cells = sums.all_cells()
             else:
                 cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
-            found = branch_over(cells, _FIRST, count_minima=True).member(0)
+            found = cells.solved((sums.c, sums.kappa))
             c, kappa = found.point.tolist()
             slack = DOUBT * max(1.0, abs(found.value))
-            if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
-                return cls(sums, cells, found, rows.chi2(c + sums.c, kappa + sums.kappa))
+            if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
+                return cls(cells, found, rows.chi2(c, kappa))
             if again and math.isfinite(found.value):
                 sums = sums.about(c, kappa)
         return None

@@ -86,7 +86,7 @@ class SlidingCells:
         p, s = np.zeros((2, n + 1)), np.zeros((5, n + 1))
         w_stick, w_slide, w_inverse = w * stick, w * slide, w * inverse
         np.cumsum((w_stick * stick, w_stick), axis=1, out=p[:, 1:])
-        sliding = np.stack((w_slide * slide, w_slide, w_slide * inverse, w_inverse, w_inverse * inverse))
+        sliding = np.array((w_slide * slide, w_slide, w_slide * inverse, w_inverse, w_inverse * inverse))
         s[:, :n] = sliding[:, ::-1].cumsum(axis=1)[:, ::-1]
         f0, f1 = p[0] + s[0], -2.0 * law.a1 * (p[1] + s[1])
         f2, f3, f4, f5 = -2.0 * s[2], law.a1**2 * float(w.sum()), 2.0 * law.a1 * s[3], s[4]
@@ -94,11 +94,11 @@ class SlidingCells:
             mean, sd = question.c.prior
             f0, f1, f3 = f0 + ((c - mean) / sd) ** 2, f1 + 2.0 * (c - mean) / sd**2, f3 + sd**-2.0
         m0, m1 = f1 / (-2.0 * f3), f4 / (-2.0 * f3)
-        g = np.stack((f0 - f3 * m0**2, f2 - 2.0 * f3 * m0 * m1, f5 - f3 * m1**2))
+        g = np.array((f0 - f3 * m0**2, f2 - 2.0 * f3 * m0 * m1, f5 - f3 * m1**2))
         walls = np.concatenate(([0.0], law.b0 * question.tau, [math.inf]))
         best = float(f0[walls[1:-1].searchsorted(kappa)])
         noise = question.noises[0][1] if question.noises else None
-        return cls(walls, g, np.stack((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa, noise)
+        return cls(walls, g, np.array((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa, noise)
 
     def region(self, highest: float, lost: float) -> tuple[float, float, float] | None:
         """Ends of kappa between which all but exp(-lost) is, and how sharp it is there, as an sd.
@@ -107,8 +107,8 @@ class SlidingCells:
         """
         g0, g1, g2 = self.g
         low, high = self.walls[:-1] - self.reference, self.walls[1:] - self.reference
-        with np.errstate(divide="ignore", invalid="ignore"):
-            vertex = np.where(g2 > 0.0, -0.5 * g1 / g2, low)
+        curved = g2 > 0.0
+        vertex = np.where(curved, -0.5 * g1 / np.where(curved, g2, 1.0), low)
         vertex = np.minimum(np.maximum(vertex, low), high)
         least = g0 + (g1 + g2 * vertex) * vertex
         lowest = float(least.min())

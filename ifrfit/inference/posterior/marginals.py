@@ -90,8 +90,10 @@ class Marginal:
         found = np.where(value >= self.high, 1.0, 0.0)
         inside = (value > self.low) & (value < self.high)
         if inside.any():
-            parts = np.array_split(value[inside], 1 + value.size // _THRESHOLDS)
-            found[inside] = np.clip(np.concatenate([self.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
+            at = value[inside]
+            parts = [at[i : i + _THRESHOLDS] for i in range(0, at.size, _THRESHOLDS)]
+            reached = np.concatenate([self.cdf(part, 1)[0] for part in parts])
+            found[inside] = np.minimum(np.maximum(reached, 0.0), 1.0)
         return found
 
     @cached_property
@@ -278,8 +280,9 @@ def _error_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> 
 def _quantile_error_if_normal(own: Marginal) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
     fine, coarse = own.at_normal_places[1]
-    change = float((np.abs(coarse - fine) / _HALF_DENSITY).max())
-    return change, bool(np.abs(fine[1:-1:4] - _ENDS).max() < _NEARLY)
+    change = np.abs(coarse - fine) / _HALF_DENSITY
+    off = np.abs(fine[1:-1:4] - _ENDS)
+    return float(change[change.argmax()]), bool(off[off.argmax()] < _NEARLY)
 
 
 def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:

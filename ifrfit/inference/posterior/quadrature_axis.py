@@ -9,10 +9,11 @@ Section 5 of ``docs/theory/posterior.md``.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -112,8 +113,10 @@ class QuadratureAxis:
     @classmethod
     def of(cls, edges: Array, order: int) -> QuadratureAxis:
         """Panels between neighbouring edges."""
-        edges = np.unique(edges)
-        return cls(np.column_stack((edges[:-1], edges[1:])), order)
+        edges = np.sort(edges)
+        panels = np.empty((edges.size - 1, 2))
+        panels[:, 0], panels[:, 1] = edges[:-1], edges[1:]
+        return cls(panels[edges[1:] > edges[:-1]], order)
 
     @property
     def low(self) -> Array:
@@ -260,10 +263,16 @@ class PanelCdf:
 
     def _place(self, t: Array) -> tuple[Index, Array]:
         """Panel of each threshold, and the place in it from 0 to 1."""
-        low, width = self.axis.low, self.axis.width
-        at = np.minimum((low + width).searchsorted(t), low.size - 1)
-        share = (t - low[at]) / np.maximum(width[at], _NARROWEST)
+        low, high, width = self._panels
+        at = np.minimum(high.searchsorted(t), low.size - 1)
+        share = (t - low[at]) / width[at]
         return at, np.minimum(np.maximum(share, 0.0), 1.0)
+
+    @cached_property
+    def _panels(self) -> tuple[Array, Array, Array]:
+        """Ends and widths of the panels, each in one piece."""
+        low, width = self.axis.low.copy(), self.axis.width
+        return low, low + width, np.maximum(width, _NARROWEST)
 
 
 def quantiles(
@@ -353,28 +362,45 @@ def quantiles_near_normal(
         None where the polynomial says nothing: for the safe search.
     """
     target, known = _normal(p), _normal(reached)
-    if not (np.diff(known).min() > _SPACING and target.min() > known[0] and target.max() < known[-1]):
+    places, least, largest = known.tolist(), target[target.argmin()], target[target.argmax()]
+    apart = all(after - before > _SPACING for before, after in itertools.pairwise(places))
+    if not (apart and least > places[0] and largest < places[-1]):
         return None
-    powers = np.vander(np.concatenate((known, target)), known.size, increasing=True)
-    coefficients = np.linalg.solve(powers[: known.size], at)
-    x = powers[known.size :] @ coefficients
-    slope = powers[known.size :, :-1] @ (coefficients[1:] * np.arange(1.0, known.size))
-    before, x_before = target, x
+    x, slope = _polynomial_through(places, at.tolist(), target)
+    before: tuple[Array, Array] | None = None
     for _ in range(_SECANTS):
-        if not (slope.min() > 0.0 and x.min() > ends[0] and x.max() < ends[1]):
+        is_inside = x[x.argmin()] > ends[0] and x[x.argmax()] < ends[1]
+        if not (slope[slope.argmin()] > 0.0 and is_inside):
             return None
         found = cdf(x)
         own = _normal(found)
-        rise, run = own - before, x - x_before
-        is_resolved = rise * run > _RESOLVED * run * run / slope  # else a difference is rounding
-        slope = np.where(is_resolved, run / np.where(is_resolved, rise, 1.0), slope)
-        before, x_before = own, x
+        if before is not None:
+            rise, run = own - before[0], x - before[1]
+            is_resolved = rise * run > _RESOLVED * run * run / slope  # else a difference is rounding
+            slope = np.where(is_resolved, run / np.where(is_resolved, rise, 1.0), slope)
+        before = own, x
         x = x + (target - own) * slope
-        if float(np.abs(found - p).max()) <= accuracy:  # and one step better
+        off = np.abs(found - p)
+        if off[off.argmax()] <= accuracy:  # and one step better
             return np.asarray(np.minimum(np.maximum(x, ends[0]), ends[1]))
     return None
 
 
+def _polynomial_through(places: list[float], values: list[float], at: Array) -> tuple[Array, Array]:
+    """Value and slope, (n,) each, of the polynomial through some points: Newton's divided differences."""
+    coefficients = list(values)
+    for order in range(1, len(places)):
+        for i in range(len(places) - 1, order - 1, -1):
+            rise = coefficients[i] - coefficients[i - 1]
+            coefficients[i] = rise / (places[i] - places[i - order])
+    value, slope = np.full(at.shape, coefficients.pop()), np.zeros(at.shape)
+    for place in places[-2::-1]:
+        beyond = at - place
+        slope = slope * beyond + value
+        value = value * beyond + coefficients.pop()
+    return value, slope
+
+
 def _normal(p: Array) -> Array:
     """Where a normal law has these probabilities below."""
-    return np.asarray(special.ndtri(np.clip(p, _LEAST, 1.0 - _LEAST)))
+    return np.asarray(special.ndtri(np.minimum(np.maximum(p, _LEAST), 1.0 - _LEAST)))

@@ -94,7 +94,8 @@ class PosteriorByMarginals(NamedQuantities):
         if quantity_of(name) == "transition_tau":
             found = self._transition(split_name(name)[1], wanted)
         elif all(level in LEVELS for level in wanted.tolist()):
-            found = self.marginals[name].at_levels(self.tolerance)[np.searchsorted(LEVELS, wanted)]
+            known = self.marginals[name].at_levels(self.tolerance)
+            found = known[[LEVELS.index(level) for level in wanted.tolist()]]
         else:
             found = self.marginals[name].quantiles(wanted, self.tolerance)
         return float(found[0]) if np.ndim(p) == 0 else found

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def estimates_of_optimum(
     """
     reasons = prior_reasons(problem, fit)
 
-    def free(name: str, domain: Domain, rivals: list[float], quantity: Quantity) -> Estimate:
+    def free(name: str, domain: Domain, rivals: list[float], quantity: Callable[[], Quantity]) -> Estimate:
         normal = gaussian.marginals[name]
         known = known_of(problem, fit, name, normal.sd, reasons)
         reach = _BEYOND * normal.half_width(0.95)
@@ -59,13 +59,13 @@ def estimates_of_optimum(
         if fit.common is not None:
             ends = (domain.lower, domain.upper)
             return Estimate(None, None, ends, ends, "not_determined", _WITHOUT_PROFILE)
-        return _profiled(problem, fit, quantity, known)
+        return _profiled(problem, fit, quantity(), known)
 
     @cache
     def of_kappa(number: int) -> Estimate:
         own = problem.parameters.kappas[number]
         at = [own.value(theta) for theta in fit.optimum.outlying]
-        return free(own.name, own.domain, at, kappa(problem, fit, number))
+        return free(own.name, own.domain, at, partial(kappa, problem, fit, number))
 
     def of_entry(place: int) -> Estimate:
         constant = problem.parameters.entries[place]
@@ -73,7 +73,7 @@ def estimates_of_optimum(
             (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
             return through_kappa(problem, constant, of_kappa(number))
         at = [float(theta[place]) for theta in fit.optimum.outlying]
-        return free(problem.parameters.names[place], constant.domain, at, entry(problem, fit, place))
+        return free(problem.parameters.names[place], constant.domain, at, partial(entry, problem, fit, place))
 
     return by_constant(problem, of_entry, of_kappa)
 

@@ -491,7 +491,7 @@ def _common_errors(asked: Problem, optimum: LeastSquaresFit) -> CommonErrorSumma
     """Errors that rows have in common, counted or not."""
     if asked.common is not None and optimum.common is not None:
         return CommonErrorSummary(asked.common.numbers, tuple(optimum.common.value.tolist()))
-    _, _, numbers = loadings_of(asked.observations.table)
+    _, _, numbers = loadings_of(asked.observations.stored)
     return CommonErrorSummary(numbers) if numbers else None
 
 

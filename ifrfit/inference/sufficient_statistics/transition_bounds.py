@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.piecewise_quadratic import FLAT
-from ifrfit.inference.optimize.transition_cells import CC, CK, KK, ONE, TransitionCells, quadratic_matrix
+from ifrfit.inference.optimize.transition_cells import CC, CK, KK, SIZE, TransitionCells, quadratic_matrix
 from ifrfit.inference.sufficient_statistics.moments import (
     S_1,
     S_X,
@@ -67,8 +67,8 @@ def _least_outside(
 ) -> Array:
     """Least misfit of impacts that stick and others that slide, with the transition between two ends."""
     stick, slide = below[:, [S_1, S_Z, S_ZZ]], above[:, [S_1, S_Z, S_ZZ, S_X, S_XX, S_ZX]]
-    terms, matrix = np.concatenate((stick, slide), axis=1).T, quadratic_matrix(law)
-    form, size = matrix @ terms, np.abs(matrix[ONE]) @ np.abs(terms)
+    made = quadratic_matrix(law) @ np.concatenate((stick, slide), axis=1).T
+    form, size = made[:SIZE], made[SIZE]
     numbers = np.arange(below.shape[0])
     cells = TransitionCells(form, size, numbers, *ends, law, domain, _ROUNDING, 0.0)
     found = cells.minima(numbers)

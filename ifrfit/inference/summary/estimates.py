@@ -87,8 +87,8 @@ def _reached(distribution: Distribution, name: str, lower: float, upper: float) 
     if sd <= _SAME * abs(mean):  # every draw is the same
         return on_bound(mean, lower), on_bound(mean, upper)
     step = distribution.resolution * sd
-    at_ends = np.clip([lower, lower + step, upper - step, upper], lower, upper)
-    low, above_low, below_high, high = np.asarray(distribution.cdf(name, at_ends))
+    at_ends = np.array([lower, min(lower + step, upper), max(upper - step, lower), upper])
+    low, above_low, below_high, high = np.asarray(distribution.cdf(name, at_ends)).tolist()
     at_lower, at_upper = (above_low - low) / step, (high - below_high) / step
     if max(at_lower, at_upper) * sd < _REACHED * _LEAST_TOP:
         return False, False

@@ -15,6 +15,7 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional
 from ifrfit.inference.result.types import State
@@ -108,7 +109,7 @@ def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array
     """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
     local = fit.gaussian
     gradient = np.zeros(local.phi.size)
-    low, high = problem.parameters.bounds()
+    low, high = (ends.copy() for ends in problem.parameters.bounds())
     places = problem.parameters.positions
     for i, (name, constant) in enumerate(zip(local.names, problem.parameters.entries, strict=True)):
         if name.startswith("kappa"):
@@ -182,10 +183,10 @@ def _confined_by(problem: Problem, constant: Parameter) -> str:
 
 def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    oblique = int(problem.rows.is_oblique.sum())
     direct = {"e_n": "normal", "mu": "friction"}
-    known = {name for name, kind in direct.items() if problem.rows.of_kind(kind).any()}
-    if oblique == 0 or constant.is_informed or constant.name in known:
+    known = {name for name, kind in direct.items() if problem.rows.measures(kind)}
+    if constant.is_informed or constant.name in known or not problem.rows.measures(*OBLIQUE):
         return False
+    oblique = int(np.count_nonzero(problem.rows.is_oblique))
     unknown = [c for c in problem.parameters.entries if not c.is_informed and c.name not in known]
     return oblique <= len(unknown)
