@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import optimize
 
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import (
@@ -145,3 +146,30 @@ def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed, s
         misfit = float((400.0 * (value - offset - slope * k) ** 2).sum())
         where = int(np.searchsorted(tau, t, side="right")) - 1
         assert bound[where] <= misfit * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("closure", "start"), [("fr", (0.69, 0.4)), ("ifr-contact", (-0.41, 0.19))])
+def test_a_closure_that_the_data_refute_leaves_few_intervals_open(closure, start):
+    # impacts of an interval stick with the c of all others: with a c of their own they would cost next to
+    # nothing, and the bound would fall short by their misfit, in as many intervals as that outweighs
+    rng = np.random.default_rng(4)
+    n, bins = 100_000, 2048
+    gamma = rng.uniform(1.0, 85.0, n)
+    incidence = Incidence.of(gamma, degrees=True)
+    offset, slope = OBSERVABLES["beta"].linear(incidence, 0.4)
+    k, _ = get_closure("ifr").law(0.4).impulse(incidence, -0.7, 0.285)
+    value = offset + slope * k + 0.03 * rng.standard_normal(n)
+    made = Moments.nothing(1, bins)
+    slip = np.abs(incidence.slip_x)
+    place = bin_of(slip, incidence.cosine, bins)
+    x = incidence.cosine / slip - middles(bins)[place]
+    made.add(0, place, np.full(n, 0.03**-2), slope, value - offset, x)
+    law, domain = get_closure(closure).law(0.4), get_closure(closure).domain(0.4)
+
+    def misfit(constants):
+        own, _ = law.impulse(incidence, *constants)
+        return float((((value - offset - slope * own) / 0.03) ** 2).sum())
+
+    best = optimize.minimize(misfit, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-4}).fun
+    assert best > 5.0 * n
+    assert np.count_nonzero(least_misfit(made.high[0], law, domain) < best + 80.0) <= 6
