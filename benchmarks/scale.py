@@ -33,6 +33,7 @@ from ifrfit.data.selection import Selection
 from ifrfit.data.stream import impact_stream
 from ifrfit.data.stream.portions import Piece
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 n, size = 2_000_000, 1 << 15
 rng = np.random.default_rng(0)
 columns = {"gamma_deg": rng.uniform(1.0, 85.0, n), "beta": rng.normal(0.5, 0.1, n),
@@ -47,7 +48,7 @@ stream = impact_stream.ImpactStream(
     path, ((piece,),), Conventions(), Selection(), 0.4, names, True, bool(METHOD),
     columns=frozenset(("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ())))
 )
-part = Accumulated.nothing(stream, True, BINS, np.arange(BINS) % 1000 == 0)
+part = Accumulated.nothing(stream, True, Intervals(BINS), np.arange(BINS) % 1000 == 0)
 impact_stream._reading = lambda piece: batches
 Piece.check_unchanged = lambda piece: None
 def read():
@@ -72,11 +73,15 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.selection import Selection
 from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.inference.sufficient_statistics.accumulated import BINS
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.passes import Reader
 def summed(path):
     stream = ImpactStream.of(path, Conventions(), Selection(), 0.4)
     expected = np.abs(np.arange(BINS) - 900) < 5
-    return Reader(stream).accumulate(True, BINS, lambda found, coming: expected)
+    def focus(found, coming):
+        found.window.narrow(expected)
+        return found
+    return Reader(stream).accumulate(True, Intervals(BINS), focus)
 small = Path(PATH).with_name("small.parquet")
 pq.write_table(pq.ParquetFile(PATH).read_row_group(0).slice(0, 1000), small)
 summed(small)

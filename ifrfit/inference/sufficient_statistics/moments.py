@@ -4,7 +4,7 @@ On either side of its transition such a closure is linear: a tangential value is
 where it sticks and k = a0 + a1 c + kappa/tau where it slides. The misfit of the impacts of one interval of
 tau, as long as no transition lies inside, is therefore a quadratic in the constants. Its coefficients are
 the seven sums kept here; w is the weight, r = value - o, and x = 1/tau less that of the middle of the
-interval (`middles`):
+interval (`tau_intervals`):
 
     n, sum w s^2, sum w s^2 x, sum w s^2 x^2, sum w s r, sum w s r x, sum w r^2
 
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,25 +31,9 @@ SUMS = 7
 _LANES = 16
 
 
-def edges(bins: int) -> Array:
-    """Values of tau between the intervals, (bins + 1,); the last is infinite."""
-    share = np.arange(bins + 1) / bins
-    with np.errstate(divide="ignore"):
-        return share / (1.0 - share)
-
-
-@lru_cache(maxsize=4)
-def middles(bins: int) -> Array:
-    """1/tau in the middle of each interval, (bins,): about it 1/tau keeps its digits."""
-    share = (np.arange(bins) + 0.5) / bins
-    found = np.asarray((1.0 - share) / share)
-    found.flags.writeable = False
-    return found
-
-
-def about_zero(sums: Array) -> Array:
-    """The sums with x = 1/tau itself, (..., bins, `SUMS`)."""
-    x = middles(sums.shape[-2])
+def about_zero(sums: Array, middles: Array) -> Array:
+    """The sums with x = 1/tau itself, (..., bins, `SUMS`); `middles` are the places that x is taken off."""
+    x = middles
     found = sums.copy()
     found[..., S_X] += x * sums[..., S_1]
     found[..., S_XX] += x * (2.0 * sums[..., S_X] + x * sums[..., S_1])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,8 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
-from ifrfit.inference.sufficient_statistics.transition_window import Question, solve_together
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
+from ifrfit.inference.sufficient_statistics.transition_window import Question, Solved, foreseen, solve_each
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
@@ -145,11 +147,8 @@ def fit_stream(
     def questions_of(of: Accumulated) -> list[Question]:
         return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
 
-    def window_of(of: Accumulated, coming: int) -> Mask:
-        return np.asarray(np.any([each.expected_window(coming) for each in questions_of(of)], axis=0))
-
-    bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
-    of = reader.accumulate(weighted, bins, window_of)
+    intervals = Intervals(BINS * 4 ** sum(stream.rows >= many for many in _MANY))
+    of = reader.accumulate(weighted, intervals, partial(foreseen, questions_of))
     check_series(stream, of.tally.series)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
@@ -157,15 +156,13 @@ def fit_stream(
     _refuse_few_sigmas(of)
     refuse_tiny_sigmas(stream, of.tally, of.sample)
     questions = questions_of(of)
-    solved, fetched = solve_together(questions, reader)
+    solved = solve_each(questions, reader)
     values = [
-        question.value(problem, optimum.optimum.theta)
-        for question, (problem, optimum) in zip(questions, solved, strict=True)
+        question.value(found.problem, found.optimum.optimum.theta)
+        for question, found in zip(questions, solved, strict=True)
     ]
     return [
-        _estimated(
-            each, question, *found, fetched, estimator, reader, seed, command, beaten=value - min(values)
-        )
+        _estimated(each, question, found, estimator, reader, seed, command, beaten=value - min(values))
         for each, question, found, value in zip(asked, questions, solved, values, strict=True)
     ]
 
@@ -195,9 +192,7 @@ def _refuse_few_sigmas(of: Accumulated) -> None:
 def _estimated(
     asked: Asked,
     question: Question,
-    problem: Problem,
-    optimum: LeastSquaresFit,
-    fetched: Mask,
+    solved: Solved,
     estimator: Estimator,
     reader: Reader,
     seed: int,
@@ -210,6 +205,7 @@ def _estimated(
     Single rows are not looked at under a closure that another one beats by far: all of them misfit.
     """
     of, stream = question.of, question.of.stream
+    problem, optimum, fetched = solved.problem, solved.optimum, solved.fetched
     refuse_lost_digits(of, problem, optimum.optimum.theta)
     assumed = asked.assumed
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):

@@ -28,8 +28,8 @@ from ifrfit.inference.sufficient_statistics.moments import (
     S_ZZ,
     N,
     about_zero,
-    edges,
 )
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -37,24 +37,27 @@ Array = NDArray[np.float64]
 _ROUNDING = 1e-12  # relative, of what sums cancel to
 
 
-def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], spread: float = 1.0) -> Array:
+def least_misfit(
+    sums: Array, intervals: Intervals, law: Coefficients, domain: tuple[float, float], spread: float = 1.0
+) -> Array:
     """Lower bound of the misfit of one group's impacts with the transition in each interval, (bins,).
 
     Parameters
     ----------
     sums : ndarray, (bins, 7)
         Of all impacts of the group.
+    intervals : Intervals
     law : Coefficients
     domain : (float, float)
         Of the closure constant; equal where it is fixed.
     spread : float
         Part of b that is allowed for; with less than all this is no bound but an estimate.
     """
-    sums = about_zero(sums)
+    sums = about_zero(sums, intervals.middles)
     upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
     below, above = upto[:-1], upto[-1] - upto[1:]
     b = spread * float(np.max(np.abs(law.b0 + law.b1 * np.array(domain))))
-    tau = edges(sums.shape[0])
+    tau = intervals.edges
     with np.errstate(invalid="ignore"):
         width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)
     apart = b * width * np.sqrt(sums[:, S_1])
@@ -74,7 +77,7 @@ def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], sp
 def _least_with(
     below: Array, above: Array, ends: tuple[Array, Array], law: Coefficients, domain: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Least misfit of impacts that stick and others that slide, with the transition between two ends; its c."""
+    """Least misfit of impacts that stick and others that slide, the transition between two ends; with c."""
     stick, slide = below[:, [S_1, S_Z, S_ZZ]], above[:, [S_1, S_Z, S_ZZ, S_X, S_XX, S_ZX]]
     terms, matrix = np.concatenate((stick, slide), axis=1).T, quadratic_matrix(law)
     form, size = matrix @ terms, np.abs(matrix[ONE]) @ np.abs(terms)

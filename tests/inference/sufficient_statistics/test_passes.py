@@ -82,8 +82,8 @@ def test_a_window_told_too_early_costs_a_pass_and_no_digit(tmp_path, monkeypatch
         fetched.append(1)
         return fetch(*given)
 
-    def nowhere(question, coming):
-        return np.zeros(question.of.bins, dtype=bool)
+    def nowhere(question):
+        return np.zeros(question.of.intervals.count, dtype=bool)
 
     monkeypatch.setattr(passes.Reader, "fetch", counted)
     assert record_of(ifrfit.fit(folder, method="lsq")) == alone

@@ -18,6 +18,7 @@ from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.data.stream.plain_rows import PlainRows
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 
 pytest.importorskip("numba")
 BINS = 64
@@ -65,7 +66,7 @@ def found_in(path, size, monkeypatch, *, short, selection=None, weighted=True):
 
         here.setattr(PlainRows, "read", reading)
         stream = ImpactStream.of(path, Conventions(), selection or Selection(), 0.4)
-        part = Accumulated.nothing(stream, weighted, BINS, np.arange(BINS) % 3 == 0)
+        part = Accumulated.nothing(stream, weighted, Intervals(BINS), np.arange(BINS) % 3 == 0)
         for portion in stream.portions:
             for batch in stream.batches(portion, part.tally, part.sample):
                 part.add(batch)
