@@ -161,9 +161,26 @@ def fit_stream(
         question.value(found.problem, found.optimum.optimum.theta)
         for question, found in zip(questions, solved, strict=True)
     ]
+    best = values.index(min(values))
+    samples: dict[int, FitResult | DataError] = {best: _sample(of, asked[best].fit_sample)}
+    for place, each in enumerate(asked):
+        if values[place] - values[best] > _BEATEN:
+            samples[place] = _under(samples[best], each)
+        elif place != best:
+            samples[place] = _sample(of, each.fit_sample)
     return [
-        _estimated(each, question, found, estimator, reader, seed, command, beaten=value - min(values))
-        for each, question, found, value in zip(asked, questions, solved, values, strict=True)
+        _estimated(
+            each,
+            questions[k],
+            solved[k],
+            samples[k],
+            estimator,
+            reader,
+            seed,
+            command,
+            values[k] - values[best],
+        )
+        for k, each in enumerate(asked)
     ]
 
 
@@ -193,11 +210,11 @@ def _estimated(
     asked: Asked,
     question: Question,
     solved: Solved,
+    sample: FitResult | DataError,
     estimator: Estimator,
     reader: Reader,
     seed: int,
     command: str,
-    *,
     beaten: float,
 ) -> StreamedFit:
     """What a method finds beyond an optimum, and what is said of all impacts.
@@ -212,7 +229,6 @@ def _estimated(
         assumed = (*assumed, "no spin before impact")
     if not problem.has_oblique:
         assumed = ()
-    sample = _sample(of, asked.fit_sample)
     problem = replace(problem, quoted_spins=_median_spins(problem, sample))
     estimation = _estimation(estimator, question, problem, optimum, reader, seed)
     if estimation.profiles:
@@ -227,7 +243,7 @@ def _estimated(
     points = result.points.iloc[:0]
     if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
-        assumed = (*assumed, *assumed_by(sample, result))
+        assumed = assumed if beaten > _BEATEN else (*assumed, *assumed_by(sample, result))
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
@@ -345,7 +361,8 @@ def _median_spins(problem: Problem, sample: FitResult | DataError) -> tuple[tupl
     """
     if isinstance(sample, DataError):
         return ((0.0, 0.0),) * len(problem.series)
-    drawn, _ = sample.problem_and_optimum()
+    drawn = sample.problem
+    assert drawn is not None
     i = drawn.rows.incidence
 
     def of(rows: Index | slice) -> tuple[float, float]:
@@ -364,3 +381,10 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
         return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error
+
+
+def _under(sample: FitResult | DataError, asked: Asked) -> FitResult | DataError:
+    """The rows of a sample under a closure that has no hope, for which constants of their own say nothing."""
+    if isinstance(sample, DataError) or sample.problem is None:
+        return sample
+    return replace(sample, problem=sample.problem.with_closure(asked.closure, asked.parameters))
