@@ -30,6 +30,7 @@ from ifrfit.data.stream.portions import Piece, Portion, portions_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, is_number, table_batches, texts_of
 from ifrfit.data.stream.tally import Tally
+from ifrfit.data.table_folders import same_rows, written_twice
 from ifrfit.data.table_forms import check_uncertainties
 from ifrfit.data.validate import SUMMARIES, lone_sigmas, tiny_sigma, undefined_at
 from ifrfit.errors import DataError, UsageError
@@ -144,12 +145,28 @@ class ImpactStream:
         stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
         some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
         refuse_copies(list(dict.fromkeys(some)))
+        stream._refuse_written_twice(files)
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
                     layout = identify(cells_of(batch, piece.path, 0), conventions)
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
+
+    def _refuse_written_twice(self, files: Sequence[Path]) -> None:
+        """Refuse the same rows in files of two kinds, as far as their first rows tell."""
+        firsts = {}
+        for pair in written_twice(files):
+            for path in pair:
+                if path not in firsts:
+                    pieces = (piece for piece in self._pieces() if piece.path == path)
+                    batches = (batch for piece in pieces for batch in _reading(piece) if batch.num_rows)
+                    batch = next(batches, None)
+                    firsts[path] = None if batch is None else cells_of(batch, path, 0)
+            one, other = (firsts[path] for path in pair)
+            if one is not None and other is not None and same_rows(one, other):
+                said = f"{pair[1]}: begins with the rows of {pair[0].name}, which would be counted twice."
+                raise DataError(f"{said} Remove one of them.")
 
     def _with_empty_spins(self, layout: Layout, path: Path) -> ImpactStream:
         """Knowing the columns of spins that hold no value in the first file: no spin, as if not there."""

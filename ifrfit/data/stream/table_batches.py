@@ -117,7 +117,7 @@ def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
     """Row groups, a column chunk at a time: what is read ahead would be held."""
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(piece.path, pre_buffer=False) as file:
+    with pq.ParquetFile(piece.path, pre_buffer=False, page_checksum_verification=True) as file:
         # pandas leaves the numbers of the rows there where some of them were dropped
         columns = [name for name in file.schema_arrow.names if not name.startswith(_INDEX)]
         groups = list(piece.row_groups)

@@ -274,3 +274,33 @@ def test_quotation_marks_over_lines_lose_no_rows_in_silence(folder, monkeypatch,
 def test_quotation_marks_within_lines_are_no_matter(folder):
     table = impacts(400).assign(note='say "hi", or not')
     assert_as_in_memory(written(folder, table), table.drop(columns="note"))
+
+
+@pytest.mark.parametrize("other", ["a.csv", "a.csv.gz"])
+def test_the_rows_of_a_table_beside_it_in_another_format_are_not_counted_twice(folder, other):
+    table = impacts(400)
+    written(folder, table, "a.parquet")
+    written(folder, table.round(9), other)
+    with pytest.raises(DataError, match=r"a\.parquet: begins with the rows of a\.csv.* counted twice"):
+        ifrfit.fit(folder, method="lsq")
+
+
+def test_other_rows_of_the_same_name_in_another_format_are_taken(folder):
+    tables = impacts(400), impacts(300, 1)
+    written(folder, tables[0], "a.parquet")
+    written(folder, tables[1], "a.csv")
+    assert_as_in_memory(folder, pd.concat(tables))
+
+
+def test_a_damaged_page_with_a_checksum_is_refused(folder):
+    table = impacts(4000, spin=0.0)
+    path = folder / "a.parquet"
+    pq.write_table(pa.Table.from_pandas(table), path, compression="none", write_page_checksum=True)
+    raw = bytearray(path.read_bytes())
+    at = raw.find(np.float64(table["beta"][1234]).tobytes())
+    raw[at] ^= 1  # in the last digit: nothing is impossible about it
+    path.write_bytes(raw)
+    with pytest.raises(DataError, match=r"a\.parquet: .*(CRC|checksum).* Write it again"):
+        ifrfit.fit(folder, method="lsq")
+    with pytest.raises(DataError, match=r"a\.parquet: .*(CRC|checksum).* Write it again"):
+        ifrfit.fit(path, method="lsq")
