@@ -226,9 +226,10 @@ class ImpactStream:
         self, batch: pa.RecordBatch, layout: Layout, plain: PlainRows | None, tally: Tally
     ) -> tuple[Batch, Mask] | None:
         """As `_batch`, where every row is good and every series is wanted; else None, and nothing counted."""
-        columns = None if plain is None or self.selection.series else plain.read(batch)
-        if plain is None or columns is None:
+        read = None if plain is None or self.selection.series else plain.read(batch)
+        if plain is None or read is None:
             return None
+        columns, sizes = read
         gamma, n = columns["gamma"], batch.num_rows
         spins = [columns.get(name) for name in ("spin_x", "spin_y")]
         if any(spin is not None for spin in spins):
@@ -245,6 +246,8 @@ class ImpactStream:
                 value, sigma = value[at], sigma[at]
             tally.skipped["not measured"] += n - at.size
             values[name] = Values(at, value, sigma)
+        for key, size in sizes.items():
+            tally.note_largest(layout.header(key), size)
         return Batch(incidence, gamma, self._series_of(batch, layout, tally), values), np.ones(n, dtype=bool)
 
     def _batch(
@@ -260,6 +263,7 @@ class ImpactStream:
         cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
         # units that headers leave open are told by the values of each batch
         known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
+        known = replace(known, note_sizes=tally.note_sizes)
         return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
 
     def impacts_of(

@@ -150,6 +150,8 @@ def fit_stream(
     intervals = Intervals(BINS * 4 ** sum(stream.rows >= many for many in _MANY))
     of = reader.accumulate(weighted, intervals, partial(foreseen, questions_of))
     check_series(stream, of.tally.series)
+    for sizes in of.tally.sizes.values():
+        sizes.refuse()
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")

@@ -13,6 +13,7 @@ import pytest
 from streams import impacts
 
 import ifrfit
+from ifrfit.data.stream import table_batches
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import LeastSquares
 
@@ -304,3 +305,43 @@ def test_a_damaged_page_with_a_checksum_is_refused(folder):
         ifrfit.fit(folder, method="lsq")
     with pytest.raises(DataError, match=r"a\.parquet: .*(CRC|checksum).* Write it again"):
         ifrfit.fit(path, method="lsq")
+
+
+def in_order(table, column, *cells):
+    """Values of a column put at rows."""
+    for row, value in cells:
+        table.loc[row, column] = value
+    return table
+
+
+CODED = {
+    "alone in its batch": (True, "speed_m_s", 2.0, [(7, 99.9)]),
+    "beside larger values of another batch": (False, "speed_m_s", 2.0, [(7, 99.0), (390, 40.0)]),
+    "one in each batch": (True, "speed_m_s", 2.0, [(7, 9.99), (150, 9.99), (390, 9.99)]),
+    "two in all": (False, "speed_m_s", 2.0, [(7, 9.99), (390, 9.99)]),
+    "a short one beside larger values of another batch": (
+        False,
+        "speed_m_s",
+        2.0,
+        [(7, 9.99), (8, 9.99), (9, 9.99), (390, 4.0)],
+    ),
+    "negative": (True, "spin_y", 0.1, [(7, -999.0)]),
+    "first small, then large": (False, "spin_y", 0.1, [(7, 99.0), (399, 60.0)]),
+}
+
+
+@pytest.mark.parametrize("case", CODED)
+@pytest.mark.parametrize("size", [50, 1000])
+def test_a_code_for_not_measured_is_judged_by_all_rows(folder, monkeypatch, case, size):
+    monkeypatch.setattr(table_batches, "_BATCH", size)
+    is_code, name, other, cells = CODED[case]
+    table = impacts(400, spin=0.0)
+    table[name] = other
+    table = in_order(table, name, *cells)
+    written(folder, table, "a.parquet")
+    if is_code:
+        for data in (table, folder):
+            with pytest.raises(DataError, match=f"column {name}: {cells[0][1]:g} looks like a code for 'not"):
+                ifrfit.fit(data, method="lsq")
+    else:
+        assert_as_in_memory(folder, table)
