@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
-from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
@@ -27,12 +26,13 @@ from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
+from ifrfit.data.stream.refusals import refuse_held, refuse_other_columns, refuse_same_rows, refuse_summaries
 from ifrfit.data.stream.sample import Sample
-from ifrfit.data.stream.table_batches import cells_of, is_number, table_batches, texts_of
+from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
-from ifrfit.data.table_folders import same_rows, written_twice
+from ifrfit.data.table_folders import written_twice
 from ifrfit.data.table_forms import check_uncertainties
-from ifrfit.data.validate import SUMMARIES, lone_sigmas, tiny_sigma, undefined_at
+from ifrfit.data.validate import undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compiled_incidence import incidence_of
@@ -164,9 +164,8 @@ class ImpactStream:
                     batch = next(batches, None)
                     firsts[path] = None if batch is None else cells_of(batch, path, 0)
             one, other = (firsts[path] for path in pair)
-            if one is not None and other is not None and same_rows(one, other):
-                said = f"{pair[1]}: begins with the rows of {pair[0].name}, which would be counted twice."
-                raise DataError(f"{said} Remove one of them.")
+            if one is not None and other is not None:
+                refuse_same_rows(one, other)
 
     def _with_empty_spins(self, layout: Layout, path: Path) -> ImpactStream:
         """Knowing the columns of spins that hold no value in the first file: no spin, as if not there."""
@@ -205,7 +204,9 @@ class ImpactStream:
                 if batch.num_rows:
                     if layout is None:
                         layout = identify(cells_of(batch, piece.path, 0), self.conventions)
-                        self._refuse_other_columns(layout)
+                        refuse_other_columns(
+                            layout, self.columns, self._columns_that_count(layout, self.observables)
+                        )
                         if not self.empty_spins:  # which have to stay empty
                             ranges = self.selection.ranges
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
@@ -343,24 +344,7 @@ class ImpactStream:
             As `of`.
         """
         path = layout.cells.file
-        if layout.has("observable") or layout.has("value"):
-            raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
-        shared = next((key for key in layout.columns if dimension_of(key) is not None), None)
-        if shared is not None:
-            raise NotStreamableError(
-                f"{path}: {layout.header(shared)}: errors that rows have in common need the table in memory. "
-                "Fit a part of it."
-            )
-        others = [
-            key
-            for key in layout.columns
-            if key.startswith(("raw:", "sigma:raw:", "sd:")) or key == "n_repeats"
-        ]
-        if others:
-            raise NotStreamableError(
-                f"{path}: {layout.header(others[0])} needs the reader that holds the table in memory; a "
-                f"table that is streamed has columns of {', '.join(STREAMED)}."
-            )
+        refuse_held(layout, STREAMED)
         there = [name for name in OBSERVABLES if layout.has(name)]
         if there:
             check_uncertainties(layout, there, there)
@@ -416,22 +400,6 @@ class ImpactStream:
         sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
         return frozenset(key for key in (*seen, *sigmas, "spin_x", "spin_y") if layout.has(key))
 
-    def _refuse_other_columns(self, layout: Layout) -> None:
-        """Refuse a file that holds more or less than the first one: what is not there is no zero."""
-        found = self._columns_that_count(layout, self.observables)
-        names = {
-            key: layout.header(key) if key in found else key.replace("sigma:", "sigma_")
-            for key in sorted(self.columns ^ found)
-        }
-        file = layout.cells.file
-        for key, header in names.items():
-            if key in found:
-                raise DataError(
-                    f"{file}: there is a column {header}, which other files do not have. Give all files the "
-                    "same columns, or name what is to be used by --observable."
-                )
-            raise DataError(f"{file}: there is no column {header}, which other files have.")
-
     def sigma_of(self, layout: Layout, name: str) -> Array:
         """Uncertainties of the values of an observable."""
         return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")
@@ -458,10 +426,10 @@ class ImpactStream:
 
     def _series_of(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> NDArray[np.intp]:
         self._note_provenance(batch, layout, tally)
-        _refuse_summaries(batch, layout)
+        refuse_summaries(batch, layout)
         if not layout.has("series"):
             return np.full(batch.num_rows, tally.numbers_of([self.path.stem])[0], dtype=np.intp)
-        encoded = _labels(batch, layout, "series").dictionary_encode()
+        encoded = labels_of(batch, layout, "series").dictionary_encode()
         names = [text.strip() for text in encoded.dictionary.to_pylist()]
         numbers = tally.numbers_of([name or self.path.stem for name in names])
         return np.asarray(numbers[encoded.indices.to_numpy()], dtype=np.intp)
@@ -471,69 +439,11 @@ class ImpactStream:
         if not layout.has("provenance"):
             tally.provenances[said] = None
             return
-        for text in _labels(batch, layout, "provenance").unique().to_pylist():
+        for text in labels_of(batch, layout, "provenance").unique().to_pylist():
             name = provenance_name(text)
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
-
-
-def check_series(stream: ImpactStream, met: Sequence[str]) -> None:
-    """Refuse series that were asked for and not met, and those named as summaries of others.
-
-    Raises
-    ------
-    UsageError, DataError
-        With what there is.
-    """
-    for name in stream.selection.series:
-        if name not in met:
-            raise UsageError(f"--series {name}: not in the data. There is {joined(met)}.")
-    summaries = [name for name in met if name.lower() in SUMMARIES]
-    if summaries and len(summaries) < len(met):
-        raise DataError(
-            f"{stream.path}: the series '{summaries[0]}' names a summary of other rows, not impacts. Remove "
-            "its rows."
-        )
-
-
-def refuse_tiny_sigmas(stream: ImpactStream, tally: Tally, sample: Sample) -> None:
-    """Refuse an uncertainty so far below those of a sample that its value would outweigh all others.
-
-    Raises
-    ------
-    DataError
-        With the file, and the remedy.
-    """
-    if not (stream.has_sigma and sample.drawn):
-        return
-    layout = identify(sample.cells(stream.path), stream.conventions)
-    for name, (least, file) in tally.least_sigma.items():
-        found = lone_sigmas(np.append(stream.sigma_of(layout, name), least))
-        if found is not None and least <= found[0]:
-            raise DataError(f"{file}: {tiny_sigma(name, found[1]).format(f'{least:.6g}')}")
-
-
-def _refuse_summaries(batch: pa.RecordBatch, layout: Layout) -> None:
-    """Refuse an impact that is called a mean, a standard deviation or a total of others."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    if not layout.has("impact_id") or is_number(batch.column(layout.columns["impact_id"].index).type):
-        return
-    told = pa.array([name for one in SUMMARIES for name in (one, one.capitalize(), one.upper())])
-    texts = _labels(batch, layout, "impact_id")
-    if pc.any(pc.is_in(texts, told)).as_py():
-        name = texts.filter(pc.is_in(texts, told))[0]
-        raise DataError(
-            f"{layout.cells.file}, column {layout.header('impact_id')}: '{name}' names a summary of other "
-            "rows, not an impact. Remove the row."
-        )
-
-
-def _labels(batch: pa.RecordBatch, layout: Layout, key: str) -> pa.Array:
-    column = layout.columns[key]
-    return texts_of(batch.column(column.index), Path(layout.cells.file), column.header)
 
 
 def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:

@@ -96,6 +96,12 @@ def texts_of(column: pa.Array, path: Path, name: str) -> pa.Array:
         raise DataError(f"{path}, column {name}: holds {kind}, not text. Convert it.") from None
 
 
+def labels_of(batch: pa.RecordBatch, layout: Layout, key: str) -> pa.Array:
+    """A column of labels as strings, by its key."""
+    column = layout.columns[key]
+    return texts_of(batch.column(column.index), Path(layout.cells.file), column.header)
+
+
 def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]) -> pa.RecordBatch:
     """Some rows, whose columns have the types of those of all files: numbers, text, or nothing if unused."""
     import pyarrow as pa

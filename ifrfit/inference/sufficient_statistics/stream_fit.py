@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
-from ifrfit.data.stream.impact_stream import check_series, refuse_tiny_sigmas
+from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
+from ifrfit.data.stream.repeated_ids import without_repeated_ids
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
@@ -260,6 +261,7 @@ def _estimated(
         warnings=(
             *result.warnings,
             *warnings_of(of, source),
+            *_of_ids(of),
             _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
         ),
         assumed=assumed,
@@ -380,9 +382,21 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
     try:
-        return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
+        cells, _ = without_repeated_ids(of.sample.cells(stream.path), stream.conventions)
+        return fit_sample(observe(cells, stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error
+
+
+def _of_ids(of: Accumulated) -> tuple[str, ...]:
+    """What is said of ids that name no single impact."""
+    if not of.sample.drawn:
+        return ()
+    try:
+        _, said = without_repeated_ids(of.sample.cells(of.stream.path), of.stream.conventions)
+    except DataError:  # which is said of the sample
+        return ()
+    return (said,) if said else ()
 
 
 def _under(sample: FitResult | DataError, asked: Asked) -> FitResult | DataError:

@@ -345,3 +345,17 @@ def test_a_code_for_not_measured_is_judged_by_all_rows(folder, monkeypatch, case
                 ifrfit.fit(data, method="lsq")
     else:
         assert_as_in_memory(folder, table)
+
+
+@pytest.mark.parametrize("numbered", ["in each file", "in the table"])
+def test_ids_that_name_no_single_impact_are_told_and_take_no_fact_away(folder, numbered):
+    table = impacts(600, spin=0.0)
+    table["impact_id"] = np.arange(600) % (300 if numbered == "in each file" else 200)
+    for first, name in ((0, "a.parquet"), (300, "b.parquet")):
+        written(folder, table.iloc[first : first + 300], name)
+    found = ifrfit.fit(folder, method="lsq")
+    (said,) = (said for said in found.warnings if "impact_id" in said)
+    assert "names no single impact: each row is taken for an impact of its own" in said
+    assert "outliers" in found.facts
+    alone = ifrfit.fit(table.drop(columns="impact_id"), method="lsq")
+    assert found.fit.chi2 == pytest.approx(alone.fit.chi2, rel=1e-9)
