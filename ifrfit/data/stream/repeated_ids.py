@@ -14,9 +14,9 @@ _SAME = 0.5  # degrees that readings of one impact may differ by, as in a table 
 
 
 def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells, str]:
-    """A table without its column of impact_id, where one of these stands at two angles, and what is said then.
+    """A table without its impact_id, where one of these stands at two angles, and what is said then.
 
-    Such an id names no single impact. The table is returned as it is, and nothing said, where each may.
+    Such an id names no single impact. Any other table is returned as it is, and nothing is said.
     """
     layout = identify(cells, conventions)
     if not layout.has("impact_id") or not (layout.has("gamma") or layout.has("tan_gamma")):

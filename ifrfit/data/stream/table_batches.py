@@ -24,7 +24,7 @@ from ifrfit.errors import DataError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_BATCH = 1 << 15
+_BATCH = 1 << 17
 _INDEX = "__index_level_"
 _ROW = re.compile(r"Row #(\d+)")
 

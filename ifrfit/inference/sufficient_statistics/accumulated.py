@@ -202,7 +202,7 @@ class Accumulated:
         if self.weighted:
             known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
             known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
-            known.square_sigma = known.square_sigma.add(sigma * sigma)
+            known.square_sigma = known.square_sigma.add_squares(sigma)
             if sigma.size > 1 and float(sigma.min()) == float(sigma.max()):
                 known.log_sigma = known.log_sigma.merge(ExactSum.of_equal(math.log(sigma[0]), sigma.size))
             else:
