@@ -359,3 +359,17 @@ def test_ids_that_name_no_single_impact_are_told_and_take_no_fact_away(folder, n
     assert "outliers" in found.facts
     alone = ifrfit.fit(table.drop(columns="impact_id"), method="lsq")
     assert found.fit.chi2 == pytest.approx(alone.fit.chi2, rel=1e-9)
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("even", [True, False])
+def test_the_rmse_is_that_in_memory_or_none(folder, noise, even):
+    table = impacts(600)
+    if even:
+        table["sigma_beta"], table["sigma_e_n"] = 0.04, 0.02
+    written(folder, table, "a.parquet")
+    streamed, held = (ifrfit.fit(data, method="lsq", noise=noise).fit.rmse for data in (folder, table))
+    if even or noise == "unknown":
+        assert streamed == pytest.approx(held, rel=1e-9)
+    else:  # weighted sums do not tell it
+        assert np.isnan(streamed)
