@@ -16,7 +16,7 @@ from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_names import role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.readers import read_table
-from ifrfit.data.table_folders import same_rows, tables_in, written_twice
+from ifrfit.data.table_folders import possible_duplicates, same_rows, tables_in
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
@@ -156,7 +156,7 @@ class GroupedFiles:
         waiting: dict[tuple[str, ...], Group] = {}
         refused: list[RefusedFile] = []
         without: list[str] = []
-        twins = written_twice(self.files)
+        twins = possible_duplicates(self.files)
         seen: dict[Path, Cells] = {}
         for number, path in enumerate(self.files):
             try:

@@ -32,7 +32,7 @@ def tables_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     )
 
 
-def written_twice(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+def possible_duplicates(files: Sequence[Path]) -> list[tuple[Path, Path]]:
     """Pairs of files that differ by folder and kind alone, as a.csv and a.parquet: perhaps the same rows."""
     by_stem: dict[str, list[Path]] = {}
     for path in files:

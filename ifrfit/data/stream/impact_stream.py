@@ -26,11 +26,16 @@ from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
-from ifrfit.data.stream.refusals import refuse_held, refuse_other_columns, refuse_same_rows, refuse_summaries
+from ifrfit.data.stream.refusals import (
+    refuse_other_columns,
+    refuse_same_rows,
+    refuse_summaries,
+    refuse_tables_in_memory,
+)
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
-from ifrfit.data.table_folders import written_twice
+from ifrfit.data.table_folders import possible_duplicates
 from ifrfit.data.table_forms import check_uncertainties
 from ifrfit.data.validate import undefined_at
 from ifrfit.errors import DataError, UsageError
@@ -145,7 +150,7 @@ class ImpactStream:
         stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
         some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
         refuse_copies(list(dict.fromkeys(some)))
-        stream._refuse_written_twice(files)
+        stream._refuse_duplicates(files)
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
@@ -153,10 +158,10 @@ class ImpactStream:
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
 
-    def _refuse_written_twice(self, files: Sequence[Path]) -> None:
+    def _refuse_duplicates(self, files: Sequence[Path]) -> None:
         """Refuse the same rows in files of two kinds, as far as their first rows tell."""
         firsts = {}
-        for pair in written_twice(files):
+        for pair in possible_duplicates(files):
             for path in pair:
                 if path not in firsts:
                     pieces = (piece for piece in self._pieces() if piece.path == path)
@@ -344,7 +349,7 @@ class ImpactStream:
             As `of`.
         """
         path = layout.cells.file
-        refuse_held(layout, STREAMED)
+        refuse_tables_in_memory(layout, STREAMED)
         there = [name for name in OBSERVABLES if layout.has(name)]
         if there:
             check_uncertainties(layout, there, there)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ifrfit.data.stream.impact_stream import ImpactStream
 
 
-def refuse_held(layout: Layout, streamed: Sequence[str]) -> None:
+def refuse_tables_in_memory(layout: Layout, streamed: Sequence[str]) -> None:
     """Refuse a table that is one for the reader that holds it in memory.
 
     Raises

@@ -129,14 +129,14 @@ class Accumulated:
             offset, slope = observable.linear(incidence, self.stream.inertia_factor)
             self.moments.add(group, place, w, slope, value - offset, x)
 
-    def parted(self, wanted: Mask) -> Accumulated:
+    def parted(self, requested: Mask) -> Accumulated:
         """The same impacts, with intervals parted as far as the rows in them are kept.
 
         Parameters
         ----------
-        wanted : ndarray of bool, (intervals,)
+        requested : ndarray of bool, (intervals,)
         """
-        finer, former = self.intervals.part(wanted & self.window.inside)
+        finer, former = self.intervals.part(requested & self.window.inside)
         same = np.bincount(former, minlength=self.intervals.count)[former] == 1
         sums = Moments.nothing(len(self.groups), finer.count)
         for fresh, known in ((sums.high, self.moments.high), (sums.low, self.moments.low)):

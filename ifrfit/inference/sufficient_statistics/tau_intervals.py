@@ -62,12 +62,12 @@ class Intervals:
         """Interval of each impact, and its 1/tau less that of the middle of the interval, (n,) each."""
         return intervals_of(incidence, self.steps, self.middles, *_tree(self))
 
-    def part(self, wanted: Mask) -> tuple[Intervals, Index]:
+    def part(self, requested: Mask) -> tuple[Intervals, Index]:
         """Some of the intervals parted, but for those that are too narrow.
 
         Parameters
         ----------
-        wanted : ndarray of bool, (count,)
+        requested : ndarray of bool, (count,)
 
         Returns
         -------
@@ -77,7 +77,7 @@ class Intervals:
         """
         nodes, (low, width) = _leaf_nodes(self), _leaves(self)
         finer = Intervals(
-            self.steps, self.parted + tuple(nodes[wanted & (width > PARTS * _NARROWEST)].tolist())
+            self.steps, self.parted + tuple(nodes[requested & (width > PARTS * _NARROWEST)].tolist())
         )
         return finer, np.searchsorted(low, _leaves(finer)[0], side="right") - 1
 
