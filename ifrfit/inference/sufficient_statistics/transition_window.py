@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
-_MOST_ROWS = 2_000_000  # that are fetched
+_MOST_ROWS = 2_000_000  # that are fetched, for all questions together: half a GiB or so for each million
 _FEW_ROWS = 20_000  # to come for a closure, up to which its intervals need not be parted
 _MOST_PARTED = 64  # intervals at once: more of them are as narrow as the rows can tell
 _PASSES = 4
@@ -84,31 +84,15 @@ class Question:
         alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
         best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
         found = _with_neighbours(alone.bounds() < best + FAR)
-        return found & (self._rows_in(found) <= _MOST_ROWS / 2)
+        return found & (self.rows_in(found) <= _MOST_ROWS / 2)
 
     def _share_constants(self) -> bool:
         return any(p.fixed is None and not p.separate for p in self.parameters)
 
-    def _rows_in(self, intervals: Mask) -> float:
+    def rows_in(self, intervals: Mask) -> float:
         """Values of some intervals of each series, (series, bins), that know the transition."""
         of = self.of
         return sum(float(of.sums[g, intervals[of.series_of(g)], N].sum()) for g in self._oblique())
-
-    def refuse_many(self, fetched: Mask) -> None:
-        """Refuse to hold very many impacts.
-
-        Raises
-        ------
-        DataError
-            With their number.
-        """
-        n = self._rows_in(fetched)
-        if n > _MOST_ROWS:
-            raise DataError(
-                f"{self.of.stream.path}: the data leave open where sliding ends, so that {n:,.0f} values "
-                f"would have to be held at once ({_MOST_ROWS:,} at most). Fit a part of them, or say more by "
-                "--fix, --prior or --bounds."
-            )
 
     def _oblique(self) -> list[int]:
         return [
@@ -375,8 +359,7 @@ def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
         if not open_:
             of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
             return [solved[place] for place in range(len(questions))]
-        for place in open_:
-            questions[place].refuse_many(fetched[place])
+        _refuse_many(str(of.stream.path), sum(map(Question.rows_in, questions, fetched)))
         inside = np.any([fetched[place].any(axis=0) for place in open_], axis=0)
         window = of.window
         if (inside & ~window.inside).any():
@@ -386,6 +369,22 @@ def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
     raise DataError(
         f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
     )
+
+
+def _refuse_many(path: str, values: float) -> None:
+    """Refuse to hold very many impacts, of all questions together.
+
+    Raises
+    ------
+    DataError
+        With their number.
+    """
+    if values > _MOST_ROWS:
+        raise DataError(
+            f"{path}: the data leave open where sliding ends, so that {values:,.0f} values would have to be "
+            f"held at once ({_MOST_ROWS:,} at most). Fit a part of them, or say more by --fix, --prior or "
+            "--bounds."
+        )
 
 
 def _with_neighbours(intervals: Mask) -> Mask:
