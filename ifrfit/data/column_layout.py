@@ -111,6 +111,10 @@ class Layout:
             self._refuse_fractions(column, values)
         return values * UNITS[column.unit][1]
 
+    def sigmas(self, name: str) -> NDArray[np.float64]:
+        """Uncertainties of the values of an observable that has a column of its own."""
+        return self.numbers(f"sigma:{name}" if self.has(f"sigma:{name}") else "sigma")
+
     def _refuse_fractions(self, column: Column, values: NDArray[np.float64]) -> None:
         """Refuse percent that is nowhere above 1: a spreadsheet shows 0.9 as 90 %, and writes 0.9."""
         known = np.abs(values[np.isfinite(values)])

@@ -296,7 +296,7 @@ class ImpactStream:
         for name in self.observables:
             if not layout.has(name):
                 raise DataError(f"{cells.file}: there is no column {name}, which other files have.")
-            value, sigma = layout.numbers(name), self.sigma_of(layout, name)
+            value, sigma = layout.numbers(name), layout.sigmas(name)
             of = OBSERVABLES[name]
             measured = np.isfinite(value) & (np.isfinite(gamma) if of.has_angle else True)
             tally.skipped["not measured"] += int(value.size - np.count_nonzero(measured))
@@ -404,10 +404,6 @@ class ImpactStream:
         seen = used if self.selection.observable else [name for name in OBSERVABLES if layout.has(name)]
         sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
         return frozenset(key for key in (*seen, *sigmas, "spin_x", "spin_y") if layout.has(key))
-
-    def sigma_of(self, layout: Layout, name: str) -> Array:
-        """Uncertainties of the values of an observable."""
-        return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")
 
     def _settings(self, layout: Layout, gamma: Array, spins: Sequence[Array]) -> dict[str, Mask]:
         """Impacts whose setting is impossible, or not among those that were asked for, by reason."""

@@ -12,6 +12,7 @@ from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
 from ifrfit.data.common_errors import dimension_of
+from ifrfit.data.conventions import Conventions
 from ifrfit.data.stream.files import NotStreamableError
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import is_number, labels_of
@@ -23,8 +24,6 @@ from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-    from ifrfit.data.stream.impact_stream import ImpactStream
 
 
 def refuse_tables_in_memory(layout: Layout, streamed: Sequence[str]) -> None:
@@ -102,7 +101,7 @@ def refuse_summaries(batch: pa.RecordBatch, layout: Layout) -> None:
         )
 
 
-def check_series(stream: ImpactStream, met: Sequence[str]) -> None:
+def check_series(path: Path, requested: Sequence[str], met: Sequence[str]) -> None:
     """Refuse series that were asked for and not met, and those named as summaries of others.
 
     Raises
@@ -110,18 +109,18 @@ def check_series(stream: ImpactStream, met: Sequence[str]) -> None:
     UsageError, DataError
         With what there is.
     """
-    for name in stream.selection.series:
+    for name in requested:
         if name not in met:
             raise UsageError(f"--series {name}: not in the data. There is {joined(met)}.")
     summaries = [name for name in met if name.lower() in SUMMARIES]
     if summaries and len(summaries) < len(met):
         raise DataError(
-            f"{stream.path}: the series '{summaries[0]}' names a summary of other rows, not impacts. Remove "
+            f"{path}: the series '{summaries[0]}' names a summary of other rows, not impacts. Remove "
             "its rows."
         )
 
 
-def refuse_tiny_sigmas(stream: ImpactStream, tally: Tally, sample: Sample) -> None:
+def refuse_tiny_sigmas(path: Path, conventions: Conventions, tally: Tally, sample: Sample) -> None:
     """Refuse an uncertainty so far below those of a sample that its value would outweigh all others.
 
     Raises
@@ -129,10 +128,10 @@ def refuse_tiny_sigmas(stream: ImpactStream, tally: Tally, sample: Sample) -> No
     DataError
         With the file, and the remedy.
     """
-    if not (stream.has_sigma and sample.drawn):
+    if not (tally.least_sigma and sample.drawn):
         return
-    layout = identify(sample.cells(stream.path), stream.conventions)
+    layout = identify(sample.cells(path), conventions)
     for name, (least, file) in tally.least_sigma.items():
-        found = lone_sigmas(np.append(stream.sigma_of(layout, name), least))
+        found = lone_sigmas(np.append(layout.sigmas(name), least))
         if found is not None and least <= found[0]:
             raise DataError(f"{file}: {tiny_sigma(name, found[1]).format(f'{least:.6g}')}")

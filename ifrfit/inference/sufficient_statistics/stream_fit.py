@@ -150,14 +150,14 @@ def fit_stream(
 
     intervals = Intervals(BINS * 4 ** sum(stream.rows >= many for many in _MANY))
     of = reader.accumulate(weighted, intervals, partial(foreseen, questions_of))
-    check_series(stream, of.tally.series)
+    check_series(stream.path, stream.selection.series, of.tally.series)
     for sizes in of.tally.sizes.values():
         sizes.refuse()
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
     _refuse_few_sigmas(of)
-    refuse_tiny_sigmas(stream, of.tally, of.sample)
+    refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample)
     questions = questions_of(of)
     solved = solve_each(questions, reader)
     values = [
