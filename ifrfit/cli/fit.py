@@ -58,7 +58,7 @@ def fit(
     resume = getattr(question["method"], "resume", None)
     if resume is not None and out is None:
         out, force = Path(resume), True
-    elif streams and out is not None and hasattr(question["method"], "scheduler"):
+    elif streams and out is not None and {"scheduler", "resume"} <= set(vars(question["method"])):
         # what is read is kept beside the results to be, so that the same command goes on with it
         question["method"] = replace(question["method"], resume=out)
     unfinished = _unfinished(out)

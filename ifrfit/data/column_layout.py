@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,6 +55,9 @@ class Layout:
         ``from-normal`` or ``from-wall``.
     notes : list of str
     momentum : list of MomentumCheck
+    note_sizes : callable or None
+        Told of the values of each column that is used, in the place of refusing codes for "not measured": for
+        rows that are only some of the table.
     """
 
     cells: Cells
@@ -63,6 +66,7 @@ class Layout:
     angle_from: str = "from-normal"
     notes: list[str] = field(default_factory=list)
     momentum: list[MomentumCheck] = field(default_factory=list)
+    note_sizes: Callable[[Cells, str, NDArray[np.float64]], None] | None = None
 
     def has(self, key: str) -> bool:
         """Tell whether the table has the column."""
@@ -107,6 +111,10 @@ class Layout:
             self._refuse_fractions(column, values)
         return values * UNITS[column.unit][1]
 
+    def sigmas(self, name: str) -> NDArray[np.float64]:
+        """Uncertainties of the values of an observable that has a column of its own."""
+        return self.numbers(f"sigma:{name}" if self.has(f"sigma:{name}") else "sigma")
+
     def _refuse_fractions(self, column: Column, values: NDArray[np.float64]) -> None:
         """Refuse percent that is nowhere above 1: a spreadsheet shows 0.9 as 90 %, and writes 0.9."""
         known = np.abs(values[np.isfinite(values)])
@@ -120,7 +128,9 @@ class Layout:
     def _numbers_of(self, column: Column) -> NDArray[np.float64]:
         """Numbers of a column as they stand in the file; codes for "not measured" are refused."""
         values = self.cells.numbers(column.index)
-        if column.key != "n_repeats":
+        if self.note_sizes is not None:
+            self.note_sizes(self.cells, column.header, values)
+        elif column.key != "n_repeats":
             refuse_missing_codes(self.cells, column.header, values)
         return values
 
@@ -157,11 +167,11 @@ def to_degrees(values: NDArray[np.float64], column: Column, cells: Cells) -> NDA
 
 
 # 99 and 999 with a decimal 9 are written as codes, too; a code fills the width of a column
-_CODES = np.array([99.0, 99.9, 99.99, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 999999.0])
+CODES = np.array([99.0, 99.9, 99.99, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 999999.0])
 # short ones may be values: they count where several cells hold exactly the same
-_SHORT_CODES = np.array([9.0, 9.9, 9.99, 9.999, 9.9999])
-_SEVERAL = 3
-_FAR = 3.0  # times the largest other value from which a code is none of the rest
+SHORT_CODES = np.array([9.0, 9.9, 9.99, 9.999, 9.9999])
+SEVERAL = 3
+FAR = 3.0  # times the largest other value from which a code is none of the rest
 
 
 def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64]) -> None:
@@ -185,25 +195,30 @@ def refuse_missing_codes(cells: Cells, header: str, values: NDArray[np.float64])
     """
     size = np.abs(values)
     largest = size.max(where=np.isfinite(size), initial=0.0)
-    if largest < _SHORT_CODES[0]:  # as in most columns: nothing is as large as a code
+    if largest < SHORT_CODES[0]:  # as in most columns: nothing is as large as a code
         return
-    suspect = np.isin(size, _CODES[largest >= _CODES])
-    for code in _SHORT_CODES:
+    suspect = np.isin(size, CODES[largest >= CODES])
+    for code in SHORT_CODES:
         short = size == code
-        if short.sum() >= _SEVERAL and (~short & np.isfinite(values)).any():
+        if short.sum() >= SEVERAL and (~short & np.isfinite(values)).any():
             suspect |= short
     if not suspect.any():
         return
     others = size[~suspect & np.isfinite(values)]
     if others.size:
-        suspect &= size > _FAR * others.max()
+        suspect &= size > FAR * others.max()
     else:
         suspect &= values < 0.0
     cells.refuse_first(
         suspect,
         header,
-        lambda row: (
-            f"{values[row]:g} looks like a code for 'not measured', as every other value is far smaller. "
-            "Leave such cells empty."
-        ),
+        lambda row: said_of_code(f"{values[row]:g}"),
+    )
+
+
+def said_of_code(number: str) -> str:
+    """What is said of a code."""
+    return (
+        f"{number} looks like a code for 'not measured', as every other value is far smaller. Leave such "
+        "cells empty."
     )

@@ -16,7 +16,7 @@ from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_names import role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.readers import read_table
-from ifrfit.data.table_folders import tables_in
+from ifrfit.data.table_folders import possible_duplicates, same_rows, tables_in
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
@@ -156,10 +156,17 @@ class GroupedFiles:
         waiting: dict[tuple[str, ...], Group] = {}
         refused: list[RefusedFile] = []
         without: list[str] = []
+        twins = possible_duplicates(self.files)
+        seen: dict[Path, Cells] = {}
         for number, path in enumerate(self.files):
             try:
                 cells = read_table(path, self.conventions)
                 keyed = self._rows_by_key(cells, path)
+                if any(path in pair for pair in twins):
+                    _refuse_seen(
+                        cells, path, [seen[one] for one, two in twins if two == path and one in seen]
+                    )
+                    seen[path] = cells
             except DataError as error:
                 if isinstance(error, _ColumnMissingError):
                     without.append(error.in_shell)
@@ -216,6 +223,15 @@ class GroupedFiles:
             if name in cells.headers and name not in named and role_of(name).kind == "unknown"
         )
         return replace(self.conventions, ignored=(*self.conventions.ignored, *labels))
+
+
+def _refuse_seen(cells: Cells, path: Path, others: Sequence[Cells]) -> None:
+    """Refuse a file of the rows of another one."""
+    for other in others:
+        if len(other) == len(cells) and same_rows(other, cells):
+            raise DataError(
+                f"{path}: has the rows of {other.name}, which would be counted twice. Remove one of them."
+            )
 
 
 class _ColumnMissingError(DataError):

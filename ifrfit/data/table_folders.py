@@ -5,6 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from ifrfit.data.cell_table import Cells
+from ifrfit.errors import DataError
+
+_PACKED = (".gz", ".zst")
+_ROUNDING = 1e-6  # relative, to which a number is the one that another file has: text may have been rounded
+
 
 def tables_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     """Files of the folder and of those in it, by name, but for those that begin with . or _ or lie in such.
@@ -22,3 +30,40 @@ def tables_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
         and path.is_file()
         and not any(part.startswith((".", "_")) for part in path.relative_to(folder).parts)
     )
+
+
+def possible_duplicates(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Pairs of files that differ by folder and kind alone, as a.csv and a.parquet: perhaps the same rows."""
+    by_stem: dict[str, list[Path]] = {}
+    for path in files:
+        by_stem.setdefault(_stem_and_kind(path)[0], []).append(path)
+    return [
+        (one, other)
+        for alike in by_stem.values()
+        for number, other in enumerate(alike)
+        for one in alike[:number]
+        if _stem_and_kind(one)[1] != _stem_and_kind(other)[1]
+    ]
+
+
+def same_rows(one: Cells, other: Cells) -> bool:
+    """Whether two tables have the same numbers in the columns that both have, as far as both go."""
+    n = min(len(one), len(other))
+    common = [name for name in one.headers if name in other.headers]
+    compared = False
+    for name in common:
+        try:
+            ours, theirs = (cells.numbers(cells.headers.index(name))[:n] for cells in (one, other))
+        except DataError:
+            continue  # of text
+        if not np.allclose(ours, theirs, rtol=_ROUNDING, atol=0.0, equal_nan=True):
+            return False
+        compared = True
+    return compared and n > 0
+
+
+def _stem_and_kind(path: Path) -> tuple[str, str]:
+    name, kind = path, ""
+    if path.suffix.lower() in _PACKED:
+        name, kind = path.with_suffix(""), path.suffix.lower()
+    return name.stem, name.suffix.lower() + kind

@@ -361,7 +361,7 @@ def read_parquet(raw: bytes, file: str) -> tuple[list[str], Sequence[CellColumn 
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(io.BytesIO(raw))
+        table = pq.read_table(io.BytesIO(raw), page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0] if str(error) else "damaged"
         raise DataError(f"{file}: not a readable Parquet file ({reason:.100}). Write it again.") from None

@@ -173,16 +173,20 @@ def refuse_crew_in_memory(estimator: Estimator, *, was_large: bool = False) -> N
     UsageError
         With the option.
     """
-    if not isinstance(estimator, Exact | LeastSquares | Profile):
+    if isinstance(estimator, Bootstrap):  # whose replicates take workers
+        asked: dict[str, object] = {"scheduler": estimator.scheduler}
+    elif isinstance(estimator, Exact | LeastSquares | Profile):
+        asked = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler}
+        if not was_large:
+            asked["resume"] = estimator.resume
+    else:
         return
-    asked: dict[str, object] = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler}
-    if not was_large:
-        asked["resume"] = estimator.resume
     for name, is_given in asked.items():
         if is_given:
             raise UsageError(
-                f"--{name}: these data are held in memory, where --method {estimator.name} is one short "
-                "computation. Leave it out."
+                f"--{name}: these data are held in memory, where --method {estimator.name} "
+                f"{'takes --workers' if isinstance(estimator, Bootstrap) else 'is one short computation'}. "
+                "Leave it out."
             )
 
 
@@ -457,6 +461,8 @@ class Bootstrap(PlainErrors):
         Experiments drawn; 1,000 by default.
     workers : int
         As of `MCMC`.
+    scheduler : str or None
+        As of `Exact`.
     keep : str, Path or None
         Folder in which replicates are kept where the run is interrupted, and from which the same one goes on.
 
@@ -484,6 +490,7 @@ class Bootstrap(PlainErrors):
         None, "bootstrap: experiments drawn.", form="integer", metavar="N", unset="1000"
     )
     workers: int = _workers()
+    scheduler: str | None = _scheduler()
     keep: str | Path | None = None
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:

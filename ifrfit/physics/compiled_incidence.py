@@ -19,6 +19,7 @@ from ifrfit.physics.compiling import compiled
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
 
+PARTS = 16  # of an interval of tau that is parted
 _RADIANS = math.pi / 180.0
 _S1, _S2, _S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
 _S4, _S5, _S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
@@ -39,15 +40,32 @@ def incidence_of(gamma_deg: Array, spin_x: Array | None = None, spin_y: Array | 
     return Incidence(sine, cosine, spin_x, spin_y, sine + spin_y, spin_x)
 
 
-def intervals_of(incidence: Incidence, middles: Array) -> tuple[Index, Array]:
+def intervals_of(
+    incidence: Incidence, steps: int, middles: Array, first: Index, number: Index
+) -> tuple[Index, Array]:
     """Interval of tau of each impact, and its 1/tau less that of the middle of the interval, (n,) each.
 
-    Intervals are equal steps of tau/(1 + tau). Without slip 1/tau is as in the middle of the first.
+    Intervals are equal steps of tau/(1 + tau), some of which are parted. Without slip 1/tau is as in the
+    middle of the first.
+
+    Parameters
+    ----------
+    incidence : Incidence
+    steps : int
+    middles : ndarray, (intervals,)
+        1/tau there.
+    first, number : ndarray of int, (nodes,)
+        Of the steps, and of what they are parted into: the first of the `PARTS` nodes, or -1, and else the
+        number of the interval.
     """
     place = np.empty(incidence.sine.size, dtype=np.int32)
     x = np.empty(place.size)
     slip = incidence.slip_x, incidence.slip_y
-    compiled(_intervals)(*map(read_only, (*slip, incidence.cosine, middles)), place, x)
+    rows = tuple(map(read_only, (*slip, incidence.cosine, middles)))
+    if first.size == steps:
+        compiled(_equal_intervals)(*rows, place, x)
+    else:
+        compiled(_intervals)(*rows, steps, *map(read_only, (first, number)), place, x)
     return place, x
 
 
@@ -73,7 +91,9 @@ def _sines_cosines(gamma: Array, sine: Array, cosine: Array) -> None:
         cosine[i] = s if steep else c
 
 
-def _intervals(slip_x: Array, slip_y: Array, cosine: Array, middles: Array, place: Index, x: Array) -> None:
+def _equal_intervals(
+    slip_x: Array, slip_y: Array, cosine: Array, middles: Array, place: Index, x: Array
+) -> None:
     bins = middles.size
     for i in range(slip_x.size):
         slip = math.sqrt(slip_x[i] * slip_x[i] + slip_y[i] * slip_y[i])
@@ -83,4 +103,33 @@ def _intervals(slip_x: Array, slip_y: Array, cosine: Array, middles: Array, plac
         place[i] = min(np.int32(share * bins), np.int32(bins - 1))
         x[i] = cosine[i] / slip if slip > 0.0 else np.nan
     for i in range(slip_x.size):
+        x[i] = x[i] - middles[place[i]] if x[i] == x[i] else 0.0
+
+
+def _intervals(
+    slip_x: Array,
+    slip_y: Array,
+    cosine: Array,
+    middles: Array,
+    steps: int,
+    first: Index,
+    number: Index,
+    place: Index,
+    x: Array,
+) -> None:
+    share = np.empty(slip_x.size)
+    for i in range(slip_x.size):
+        slip = math.sqrt(slip_x[i] * slip_x[i] + slip_y[i] * slip_y[i])
+        slip = abs(slip_x[i]) if slip_y[i] == 0.0 else slip
+        both = slip + cosine[i]
+        share[i] = slip / (both if both > 0.0 else 1.0) * steps  # exactly so many steps
+        place[i] = min(np.int32(share[i]), np.int32(steps - 1))
+        x[i] = cosine[i] / slip if slip > 0.0 else np.nan
+    for i in range(slip_x.size):
+        node, rest = place[i], share[i] - place[i]
+        while first[node] >= 0:
+            rest = rest * PARTS
+            part = min(np.int32(rest), np.int32(PARTS - 1))
+            node, rest = first[node] + part, rest - part
+        place[i] = number[node]
         x[i] = x[i] - middles[place[i]] if x[i] == x[i] else 0.0

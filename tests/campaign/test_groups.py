@@ -51,6 +51,16 @@ def test_files_that_differ_by_their_suffix_alone_are_one_group(tmp_path):
     assert (found.key, found.rows) == (("a",), 2)
 
 
+@pytest.mark.parametrize("by", ["file", "wall"])
+def test_the_same_rows_in_two_formats_are_counted_once(tmp_path, by):
+    write(tmp_path / "a.csv", "steel,10,0.1", "steel,20,0.2")
+    table = pd.DataFrame({"wall": "steel", "gamma_deg": [10.0, 20.0], "beta": [0.1, 0.2]})
+    table.to_parquet(tmp_path / "a.parquet")
+    refusal, group = sorted(grouped([tmp_path], by).groups(), key=lambda each: isinstance(each, Group))
+    assert "a.parquet: has the rows of a.csv, which would be counted twice" in refusal.reason
+    assert group.rows == 2
+
+
 def test_numbers_beyond_those_of_floats_are_no_keys(tmp_path):
     table = pd.DataFrame({"run": [2**53, 2**53 + 1], "gamma_deg": [10.0, 20.0], "beta": [0.1, 0.2]})
     table.to_parquet(tmp_path / "a.parquet")

@@ -11,6 +11,7 @@ from ifrfit.physics.compiled_incidence import incidence_of, intervals_of
 
 pytest.importorskip("numba")
 BINS = 2048
+NO_TREE = np.full(BINS, -1, dtype=np.int32), np.arange(BINS, dtype=np.int32)
 
 
 def middles():
@@ -39,7 +40,7 @@ def test_the_state_is_that_of_the_reference(spin):
     for name in ("sine", "cosine", "spin_x", "spin_y", "slip_x", "slip_y"):
         np.testing.assert_allclose(getattr(found, name), getattr(known, name), rtol=1e-15, atol=3e-16)
     assert found.sine[1] == found.cosine[1]
-    place, x = intervals_of(found, middles())
+    place, x = intervals_of(found, BINS, middles(), *NO_TREE)
     tau = known.tau
     share = np.where(np.isinf(tau), 1.0, tau / (1.0 + np.where(np.isinf(tau), 0.0, tau)))
     steps = share * BINS
@@ -55,10 +56,10 @@ def test_a_row_has_the_same_bits_wherever_it_stands():
     gamma, spin = rng.uniform(0.0, 90.0, 101), rng.standard_normal(101)
     none = np.zeros(101)
     whole = incidence_of(gamma, none, spin)
-    places = intervals_of(whole, middles())
+    places = intervals_of(whole, BINS, middles(), *NO_TREE)
     for at in (slice(3, 4), slice(5, 22), slice(1, None, 3)):
         part = incidence_of(gamma[at], none[at], spin[at])
         np.testing.assert_array_equal(part.sine, whole.sine[at])
         np.testing.assert_array_equal(part.cosine, whole.cosine[at])
-        for own, of_all in zip(intervals_of(part, middles()), places, strict=True):
+        for own, of_all in zip(intervals_of(part, BINS, middles(), *NO_TREE), places, strict=True):
             np.testing.assert_array_equal(own, of_all[at])

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
-from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
@@ -27,11 +26,18 @@ from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
+from ifrfit.data.stream.refusals import (
+    refuse_other_columns,
+    refuse_same_rows,
+    refuse_summaries,
+    refuse_tables_in_memory,
+)
 from ifrfit.data.stream.sample import Sample
-from ifrfit.data.stream.table_batches import cells_of, is_number, table_batches, texts_of
+from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
+from ifrfit.data.table_folders import possible_duplicates
 from ifrfit.data.table_forms import check_uncertainties
-from ifrfit.data.validate import SUMMARIES, lone_sigmas, tiny_sigma, undefined_at
+from ifrfit.data.validate import undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compiled_incidence import incidence_of
@@ -144,12 +150,27 @@ class ImpactStream:
         stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
         some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
         refuse_copies(list(dict.fromkeys(some)))
+        stream._refuse_duplicates(files)
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
                     layout = identify(cells_of(batch, piece.path, 0), conventions)
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
+
+    def _refuse_duplicates(self, files: Sequence[Path]) -> None:
+        """Refuse the same rows in files of two kinds, as far as their first rows tell."""
+        firsts = {}
+        for pair in possible_duplicates(files):
+            for path in pair:
+                if path not in firsts:
+                    pieces = (piece for piece in self._pieces() if piece.path == path)
+                    batches = (batch for piece in pieces for batch in _reading(piece) if batch.num_rows)
+                    batch = next(batches, None)
+                    firsts[path] = None if batch is None else cells_of(batch, path, 0)
+            one, other = (firsts[path] for path in pair)
+            if one is not None and other is not None:
+                refuse_same_rows(one, other)
 
     def _with_empty_spins(self, layout: Layout, path: Path) -> ImpactStream:
         """Knowing the columns of spins that hold no value in the first file: no spin, as if not there."""
@@ -188,7 +209,9 @@ class ImpactStream:
                 if batch.num_rows:
                     if layout is None:
                         layout = identify(cells_of(batch, piece.path, 0), self.conventions)
-                        self._refuse_other_columns(layout)
+                        refuse_other_columns(
+                            layout, self.columns, self._columns_that_count(layout, self.observables)
+                        )
                         if not self.empty_spins:  # which have to stay empty
                             ranges = self.selection.ranges
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
@@ -209,9 +232,10 @@ class ImpactStream:
         self, batch: pa.RecordBatch, layout: Layout, plain: PlainRows | None, tally: Tally
     ) -> tuple[Batch, Mask] | None:
         """As `_batch`, where every row is good and every series is wanted; else None, and nothing counted."""
-        columns = None if plain is None or self.selection.series else plain.read(batch)
-        if plain is None or columns is None:
+        read = None if plain is None or self.selection.series else plain.read(batch)
+        if plain is None or read is None:
             return None
+        columns, sizes = read
         gamma, n = columns["gamma"], batch.num_rows
         spins = [columns.get(name) for name in ("spin_x", "spin_y")]
         if any(spin is not None for spin in spins):
@@ -228,6 +252,8 @@ class ImpactStream:
                 value, sigma = value[at], sigma[at]
             tally.skipped["not measured"] += n - at.size
             values[name] = Values(at, value, sigma)
+        for key, size in sizes.items():
+            tally.note_largest(layout.header(key), size)
         return Batch(incidence, gamma, self._series_of(batch, layout, tally), values), np.ones(n, dtype=bool)
 
     def _batch(
@@ -243,6 +269,7 @@ class ImpactStream:
         cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
         # units that headers leave open are told by the values of each batch
         known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
+        known = replace(known, note_sizes=tally.note_sizes)
         return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
 
     def impacts_of(
@@ -269,7 +296,7 @@ class ImpactStream:
         for name in self.observables:
             if not layout.has(name):
                 raise DataError(f"{cells.file}: there is no column {name}, which other files have.")
-            value, sigma = layout.numbers(name), self.sigma_of(layout, name)
+            value, sigma = layout.numbers(name), layout.sigmas(name)
             of = OBSERVABLES[name]
             measured = np.isfinite(value) & (np.isfinite(gamma) if of.has_angle else True)
             tally.skipped["not measured"] += int(value.size - np.count_nonzero(measured))
@@ -322,24 +349,7 @@ class ImpactStream:
             As `of`.
         """
         path = layout.cells.file
-        if layout.has("observable") or layout.has("value"):
-            raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
-        shared = next((key for key in layout.columns if dimension_of(key) is not None), None)
-        if shared is not None:
-            raise NotStreamableError(
-                f"{path}: {layout.header(shared)}: errors that rows have in common need the table in memory. "
-                "Fit a part of it."
-            )
-        others = [
-            key
-            for key in layout.columns
-            if key.startswith(("raw:", "sigma:raw:", "sd:")) or key == "n_repeats"
-        ]
-        if others:
-            raise NotStreamableError(
-                f"{path}: {layout.header(others[0])} needs the reader that holds the table in memory; a "
-                f"table that is streamed has columns of {', '.join(STREAMED)}."
-            )
+        refuse_tables_in_memory(layout, STREAMED)
         there = [name for name in OBSERVABLES if layout.has(name)]
         if there:
             check_uncertainties(layout, there, there)
@@ -395,26 +405,6 @@ class ImpactStream:
         sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
         return frozenset(key for key in (*seen, *sigmas, "spin_x", "spin_y") if layout.has(key))
 
-    def _refuse_other_columns(self, layout: Layout) -> None:
-        """Refuse a file that holds more or less than the first one: what is not there is no zero."""
-        found = self._columns_that_count(layout, self.observables)
-        names = {
-            key: layout.header(key) if key in found else key.replace("sigma:", "sigma_")
-            for key in sorted(self.columns ^ found)
-        }
-        file = layout.cells.file
-        for key, header in names.items():
-            if key in found:
-                raise DataError(
-                    f"{file}: there is a column {header}, which other files do not have. Give all files the "
-                    "same columns, or name what is to be used by --observable."
-                )
-            raise DataError(f"{file}: there is no column {header}, which other files have.")
-
-    def sigma_of(self, layout: Layout, name: str) -> Array:
-        """Uncertainties of the values of an observable."""
-        return layout.numbers(f"sigma:{name}" if layout.has(f"sigma:{name}") else "sigma")
-
     def _settings(self, layout: Layout, gamma: Array, spins: Sequence[Array]) -> dict[str, Mask]:
         """Impacts whose setting is impossible, or not among those that were asked for, by reason."""
         speed = layout.numbers("speed")
@@ -437,10 +427,10 @@ class ImpactStream:
 
     def _series_of(self, batch: pa.RecordBatch, layout: Layout, tally: Tally) -> NDArray[np.intp]:
         self._note_provenance(batch, layout, tally)
-        _refuse_summaries(batch, layout)
+        refuse_summaries(batch, layout)
         if not layout.has("series"):
             return np.full(batch.num_rows, tally.numbers_of([self.path.stem])[0], dtype=np.intp)
-        encoded = _labels(batch, layout, "series").dictionary_encode()
+        encoded = labels_of(batch, layout, "series").dictionary_encode()
         names = [text.strip() for text in encoded.dictionary.to_pylist()]
         numbers = tally.numbers_of([name or self.path.stem for name in names])
         return np.asarray(numbers[encoded.indices.to_numpy()], dtype=np.intp)
@@ -450,69 +440,11 @@ class ImpactStream:
         if not layout.has("provenance"):
             tally.provenances[said] = None
             return
-        for text in _labels(batch, layout, "provenance").unique().to_pylist():
+        for text in labels_of(batch, layout, "provenance").unique().to_pylist():
             name = provenance_name(text)
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
-
-
-def check_series(stream: ImpactStream, met: Sequence[str]) -> None:
-    """Refuse series that were asked for and not met, and those named as summaries of others.
-
-    Raises
-    ------
-    UsageError, DataError
-        With what there is.
-    """
-    for name in stream.selection.series:
-        if name not in met:
-            raise UsageError(f"--series {name}: not in the data. There is {joined(met)}.")
-    summaries = [name for name in met if name.lower() in SUMMARIES]
-    if summaries and len(summaries) < len(met):
-        raise DataError(
-            f"{stream.path}: the series '{summaries[0]}' names a summary of other rows, not impacts. Remove "
-            "its rows."
-        )
-
-
-def refuse_tiny_sigmas(stream: ImpactStream, tally: Tally, sample: Sample) -> None:
-    """Refuse an uncertainty so far below those of a sample that its value would outweigh all others.
-
-    Raises
-    ------
-    DataError
-        With the file, and the remedy.
-    """
-    if not (stream.has_sigma and sample.drawn):
-        return
-    layout = identify(sample.cells(stream.path), stream.conventions)
-    for name, (least, file) in tally.least_sigma.items():
-        found = lone_sigmas(np.append(stream.sigma_of(layout, name), least))
-        if found is not None and least <= found[0]:
-            raise DataError(f"{file}: {tiny_sigma(name, found[1]).format(f'{least:.6g}')}")
-
-
-def _refuse_summaries(batch: pa.RecordBatch, layout: Layout) -> None:
-    """Refuse an impact that is called a mean, a standard deviation or a total of others."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    if not layout.has("impact_id") or is_number(batch.column(layout.columns["impact_id"].index).type):
-        return
-    told = pa.array([name for one in SUMMARIES for name in (one, one.capitalize(), one.upper())])
-    texts = _labels(batch, layout, "impact_id")
-    if pc.any(pc.is_in(texts, told)).as_py():
-        name = texts.filter(pc.is_in(texts, told))[0]
-        raise DataError(
-            f"{layout.cells.file}, column {layout.header('impact_id')}: '{name}' names a summary of other "
-            "rows, not an impact. Remove the row."
-        )
-
-
-def _labels(batch: pa.RecordBatch, layout: Layout, key: str) -> pa.Array:
-    column = layout.columns[key]
-    return texts_of(batch.column(column.index), Path(layout.cells.file), column.header)
 
 
 def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:

@@ -31,6 +31,7 @@ Range = tuple[float, float]
 
 _MOST = 98.0  # the codes for "not measured" that are no short ones begin above
 _SHORT = (9.0, 10.0)  # between these lie the short ones
+_SIZE = 0x7FFFFFFFFFFFFFFF  # the bits of a double but for its sign
 _NEAR = 1e-9  # degrees from 0 and 90: nearer an observable may have no value
 _MOVES = 4e-12  # of the contact point, over 1 + |spin|: twice that and more of what counts as no motion
 
@@ -88,22 +89,25 @@ class PlainRows:
             return None
         return cls(found, tuple(pairs), "contact" in kinds)
 
-    def read(self, batch: pa.RecordBatch) -> dict[str, Array] | None:
-        """The columns by key, if every row is good; a value may be missing, as nan."""
+    def read(self, batch: pa.RecordBatch) -> tuple[dict[str, Array], dict[str, float]] | None:
+        """The columns and their largest sizes, if every row is good; a value may be missing, as nan."""
         import pyarrow as pa
 
-        found = {}
+        found, sizes = {}, {}
         for key, (index, low, high) in self.columns.items():
             column = batch.column(index)
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 return None
             values = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            odd, missing, nines, tens = compiled(_count)(read_only(values), low, high)
+            values = read_only(values)
+            odd, missing, nines, tens, most = compiled(_count)(values, values.view(np.int64), low, high)
             # larger values than short codes beside these show that they are values, too
             if odd or (nines and not tens) or (missing and key not in OBSERVABLES):
                 return None
-            found[key] = values
-        return found
+            found[key], sizes[key] = values, float(np.int64(most).view(np.float64))
+            if missing:
+                sizes[key] = float(np.abs(values).max(where=~np.isnan(values), initial=-1.0))
+        return found, sizes
 
     def moves(self, incidence: Incidence) -> bool:
         """Whether every contact point moves, where that matters."""
@@ -128,9 +132,12 @@ def _stands_as_it_is(column: Column) -> bool:
     return column.sign == 1.0 and UNITS[column.unit][1] == 1.0
 
 
-def _count(values: Array, low: float, high: float) -> tuple[int, int, int, int]:
-    """How many values are odd, how many missing, how many as large as short codes, and how many larger."""
-    odd, missing, nines, tens = 0, 0, 0, 0
+def _count(values: Array, bits: NDArray[np.int64], low: float, high: float) -> tuple[int, int, int, int, int]:
+    """How many values are odd, how many missing, how many as large as short codes, and how many larger.
+
+    And the largest size, as its bits: those of sizes stand in the order of these.
+    """
+    odd, missing, nines, tens, most = 0, 0, 0, 0, 0
     for i in range(values.size):
         size = abs(values[i])
         is_missing = values[i] != values[i]
@@ -139,4 +146,5 @@ def _count(values: Array, low: float, high: float) -> tuple[int, int, int, int]:
         odd += not (good or is_missing)
         nines += size >= _SHORT[0]
         tens += size > _SHORT[1]
-    return odd, missing, nines, tens
+        most = max(most, bits[i] & _SIZE)
+    return odd, missing, nines, tens, most

@@ -24,7 +24,7 @@ from ifrfit.errors import DataError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_BATCH = 1 << 15
+_BATCH = 1 << 17
 _INDEX = "__index_level_"
 _ROW = re.compile(r"Row #(\d+)")
 
@@ -96,6 +96,12 @@ def texts_of(column: pa.Array, path: Path, name: str) -> pa.Array:
         raise DataError(f"{path}, column {name}: holds {kind}, not text. Convert it.") from None
 
 
+def labels_of(batch: pa.RecordBatch, layout: Layout, key: str) -> pa.Array:
+    """A column of labels as strings, by its key."""
+    column = layout.columns[key]
+    return texts_of(batch.column(column.index), Path(layout.cells.file), column.header)
+
+
 def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]) -> pa.RecordBatch:
     """Some rows, whose columns have the types of those of all files: numbers, text, or nothing if unused."""
     import pyarrow as pa
@@ -117,7 +123,7 @@ def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
     """Row groups, a column chunk at a time: what is read ahead would be held."""
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(piece.path, pre_buffer=False) as file:
+    with pq.ParquetFile(piece.path, pre_buffer=False, page_checksum_verification=True) as file:
         # pandas leaves the numbers of the rows there where some of them were dropped
         columns = [name for name in file.schema_arrow.names if not name.startswith(_INDEX)]
         groups = list(piece.row_groups)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
+from ifrfit.data.stream.missing_codes import SizesMet
 from ifrfit.errors import UsageError
 
 _FEW_PLACES = 3
@@ -35,6 +36,8 @@ class Tally:
         Those met, in their order.
     least_sigma : dict
         Least uncertainty of each observable, and the file.
+    sizes : dict of str to SizesMet
+        By the header of a column.
     """
 
     rows: int = 0
@@ -43,6 +46,16 @@ class Tally:
     places: dict[str, list[str]] = field(default_factory=dict)
     provenances: dict[str, None] = field(default_factory=dict)
     least_sigma: dict[str, tuple[float, str]] = field(default_factory=dict)
+    sizes: dict[str, SizesMet] = field(default_factory=dict)
+
+    def note_sizes(self, cells: Cells, header: str, values: NDArray[np.float64]) -> None:
+        """See whether a column holds what may be a code for "not measured"."""
+        self.sizes.setdefault(header, SizesMet()).note(cells, header, values)
+
+    def note_largest(self, header: str, largest: float) -> None:
+        """See the largest size in a column of which no value may be such a code; negative without a value."""
+        known = self.sizes.setdefault(header, SizesMet())
+        known.largest = max(known.largest, largest)
 
     def leave_out(self, bad: NDArray[np.bool_], reason: str, cells: Cells) -> None:
         """Count values that are left out; those outside of a range that was asked for have no places."""
@@ -84,6 +97,8 @@ class Tally:
         self.provenances.update(following.provenances)
         for name, (least, file) in following.least_sigma.items():
             self.note_sigma(name, np.array([least]), file)
+        for header, sizes in following.sizes.items():
+            self.sizes.setdefault(header, SizesMet()).merge(sizes)
         return self.numbers_of(following.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -95,6 +110,7 @@ class Tally:
             "places": self.places,
             "provenances": list(self.provenances),
             "least_sigma": self.least_sigma,
+            "sizes": {header: sizes.to_dict() for header, sizes in self.sizes.items()},
         }
 
     @classmethod
@@ -107,6 +123,7 @@ class Tally:
             found["places"],
             dict.fromkeys(found["provenances"]),
             {name: (least, file) for name, (least, file) in found["least_sigma"].items()},
+            {header: SizesMet.of_dict(sizes) for header, sizes in found["sizes"].items()},
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

@@ -222,10 +222,9 @@ def _compare_stream(
         command=command,
     )
     fits = {c.name: each.condensed for c, each in zip(closures, found, strict=True)}
-    # the rows of all closures are the same, and so is what their evidence lacks of that of all impacts
-    more = found[0].correction.of_evidence
+    more = {c.name: each.correction.of_evidence for c, each in zip(closures, found, strict=True)}
     priors = tuple(
-        PriorRow(row.varied, {n: None if x is None else x + more for n, x in row.log_evidence.items()})
+        PriorRow(row.varied, {n: None if x is None else x + more[n] for n, x in row.log_evidence.items()})
         for row in prior_table(fits)
     )
     if not fits[closures[0].name].problem_and_optimum()[0].has_oblique:

@@ -72,6 +72,9 @@ def strength_of(log_bayes_factor: float) -> str:
 def curve_distance(one: FitResult, other: FitResult) -> float:
     """Chi2 between two closures' best curves: below 1 the noise hides which of them made the data."""
     first, second = (fit.points["fitted"].to_numpy(dtype=float) for fit in (one, other))
+    if one.problem is not None and one.problem.noise.counts is not None:  # each has condensed rows of its own
+        theirs, optimum = other.problem_and_optimum()
+        second = replace(theirs, rows=one.problem.rows).predict(optimum.optimum.theta)
     return float((((first - second) / one.points["sigma_used"].to_numpy(dtype=float)) ** 2).sum())
 
 

@@ -40,7 +40,7 @@ _NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
 _NEGLECTED = 1e-14  # probability that nodes hold in all whose closure constant is not followed
 _MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 _ROUNDING = 1e-12  # of the largest transition
-_AT_ONCE = 100_000  # values of the density worked on at once
+_AT_ONCE = 50_000  # values of the density worked on at once
 _CURVED_SLABS = 4  # at most, of a grid with curved rows
 
 
@@ -391,12 +391,16 @@ class DensityGrid:
         for axis, mass in self.panel_masses(share):
             found.append((axis, mass, axis.errors(self.density_along(axis, self.g[0], share))))
         if self.nodes.coordinate is not None:
-            sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
             part = self.factor * (self.outer(share)[0] * self.e_weight[0][:, None] * self.x_weight[0])
-            if sides.shape[0] == sides.shape[1] == 1:
+            if self.f.shape[0] == self.f.shape[1] == 1:
                 part = part.sum(axis=(0, 1), keepdims=True)
-            error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
-            found.append((self.series, np.ones(1), np.array([error])))
+            differences = rule(self.series.c_order).differences
+            error = np.zeros(len(differences))
+            for slab in self.slabs:
+                f = slab.of(self.f)
+                sides = np.abs(f.reshape(*f.shape[:-1], 2, -1) @ differences.T).sum(axis=-2)
+                error += (sides * slab.of(part)[..., None]).sum(axis=(0, 1, 2))
+            found.append((self.series, np.ones(1), error.max(keepdims=True)))
         return found
 
     def density_along(self, axis: QuadratureAxis, inner: Array, share: Array) -> Array:

@@ -18,9 +18,9 @@ from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.tally import Tally
 from ifrfit.inference.model.noise import in_steps, resolution
-from ifrfit.inference.sufficient_statistics.moments import SUMS, ExactSum, Moments, N, Place, middles
+from ifrfit.inference.sufficient_statistics.moments import SUMS, ExactSum, Moments, N, Place
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
-from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import joined
 
@@ -29,7 +29,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _WINDOW = "window "
-BINS = 2048  # intervals of tau, unless there are very many rows
+BINS = 2048  # steps of tau/(1 + tau), unless there are very many rows
 
 
 @dataclass
@@ -66,8 +66,7 @@ class Accumulated:
     stream : ImpactStream
     weighted : bool
         Whether sigma gives the weights.
-    bins : int
-        Intervals of tau.
+    intervals : Intervals
     tally : Tally
     moments : Moments
         Groups are series times observables.
@@ -79,7 +78,7 @@ class Accumulated:
 
     stream: ImpactStream
     weighted: bool
-    bins: int
+    intervals: Intervals
     tally: Tally
     moments: Moments
     groups: list[GroupNotes]
@@ -87,23 +86,23 @@ class Accumulated:
     window: WindowRows
 
     @classmethod
-    def nothing(cls, stream: ImpactStream, weighted: bool, bins: int, window: Mask) -> Accumulated:
+    def nothing(cls, stream: ImpactStream, weighted: bool, intervals: Intervals, window: Mask) -> Accumulated:
         """Of no impacts; `window` are the intervals whose rows are to be kept, (bins,)."""
         sample = Sample(Sample.below_of(stream.rows))
-        moments = Moments.nothing(0, bins)
-        return cls(stream, weighted, bins, Tally(), moments, [], sample, WindowRows(window))
+        moments = Moments.nothing(0, intervals.count)
+        return cls(stream, weighted, intervals, Tally(), moments, [], sample, WindowRows(window))
 
     def anew(self) -> Accumulated:
         """Of no impacts, with what is to be looked for the same."""
-        nothing, window = Moments.nothing(0, self.bins), WindowRows(self.window.inside)
+        nothing, window = Moments.nothing(0, self.intervals.count), WindowRows(self.window.inside)
         sample = Sample(self.sample.below)
-        return Accumulated(self.stream, self.weighted, self.bins, Tally(), nothing, [], sample, window)
+        return Accumulated(self.stream, self.weighted, self.intervals, Tally(), nothing, [], sample, window)
 
     def add(self, batch: Batch) -> None:
         """Add the impacts of a batch, of whose series the tally knows."""
         names = self.stream.observables
         self._make_room()
-        place, x = intervals_of(batch.incidence, middles(self.bins))
+        place, x = self.intervals.places(batch.incidence)
         for number, name in enumerate(names):
             values = batch.values[name]
             for series, own in _by_series(batch.series, values, len(self.tally.series)):
@@ -130,13 +129,52 @@ class Accumulated:
             offset, slope = observable.linear(incidence, self.stream.inertia_factor)
             self.moments.add(group, place, w, slope, value - offset, x)
 
+    def parted(self, requested: Mask) -> Accumulated:
+        """The same impacts, with intervals parted as far as the rows in them are kept.
+
+        Parameters
+        ----------
+        requested : ndarray of bool, (intervals,)
+        """
+        finer, former = self.intervals.part(requested & self.window.inside)
+        same = np.bincount(former, minlength=self.intervals.count)[former] == 1
+        sums = Moments.nothing(len(self.groups), finer.count)
+        for fresh, known in ((sums.high, self.moments.high), (sums.low, self.moments.low)):
+            fresh[:, same] = known[:, former[same]]
+        made = replace(self, intervals=finer, moments=sums, window=WindowRows(self.window.inside[former]))
+        names = self.stream.observables
+        for number, name in enumerate(names):
+            if OBSERVABLES[name].linear is None:  # all in the first interval
+                groups = slice(number, None, len(names))
+                sums.high[groups, 0], sums.low[groups, 0] = (
+                    each[groups, 0] for each in (self.moments.high, self.moments.low)
+                )
+            for batch in self.window.batches(name):
+                place, x = finer.places(batch.incidence)
+                made.window.add(name, batch, batch.values[name], place)
+                fresh_rows = np.flatnonzero(~same[place])
+                rows = Values(fresh_rows, *(each[fresh_rows] for each in batch.values[name][1:]))
+                for series, own in _by_series(batch.series, rows, len(self.tally.series)):
+                    made._add_rows(series * len(names) + number, name, batch, own, place, x)
+        return made
+
+    def expected_rows(self, inside: Mask, coming: int) -> float:
+        """How many values of some intervals are to be expected among rows to come."""
+        names = self.stream.observables
+        count = sum(
+            float(self.sums[number :: len(names), inside, N].sum())
+            for number, name in enumerate(names)
+            if OBSERVABLES[name].linear is not None
+        )
+        return count / max(self.tally.rows, 1) * coming
+
     def merge(self, following: Accumulated) -> None:
         """Add what was found of later portions."""
         k = len(self.stream.observables)
         series = self.tally.merge(following.tally)
         self._make_room()
         at = (series[:, None] * k + np.arange(k)).ravel()
-        theirs = Moments.nothing(len(self.groups), self.bins)
+        theirs = Moments.nothing(len(self.groups), self.intervals.count)
         theirs.high[at], theirs.low[at] = following.moments.high, following.moments.low
         self.moments = self.moments.merge(theirs)
         for own, notes in zip(at.tolist(), following.groups, strict=True):
@@ -148,7 +186,7 @@ class Accumulated:
         groups = len(self.tally.series) * len(self.stream.observables)
         if len(self.groups) == groups:
             return
-        fresh = Moments.nothing(groups, self.bins)
+        fresh = Moments.nothing(groups, self.intervals.count)
         fresh.high[: len(self.groups)] = self.moments.high
         fresh.low[: len(self.groups)] = self.moments.low
         self.moments = fresh
@@ -164,7 +202,7 @@ class Accumulated:
         if self.weighted:
             known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
             known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
-            known.square_sigma = known.square_sigma.add(sigma * sigma)
+            known.square_sigma = known.square_sigma.add_squares(sigma)
             if sigma.size > 1 and float(sigma.min()) == float(sigma.max()):
                 known.log_sigma = known.log_sigma.merge(ExactSum.of_equal(math.log(sigma[0]), sigma.size))
             else:
@@ -212,7 +250,7 @@ class Accumulated:
         for notes in found["groups"]:
             known: dict[str, Any] = {k: ExactSum(**v) if isinstance(v, dict) else v for k, v in notes.items()}
             groups.append(GroupNotes(**known))
-        moments = Moments.nothing(len(groups), self.bins)
+        moments = Moments.nothing(len(groups), self.intervals.count)
         moments.high.reshape(-1, SUMS)[arrays["seen"]] = arrays["high"]
         moments.low.reshape(-1, SUMS)[arrays["seen"]] = arrays["low"]
         part = replace(self.anew(), tally=Tally.of_dict(found["tally"]), moments=moments, groups=groups)

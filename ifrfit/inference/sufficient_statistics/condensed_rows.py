@@ -20,9 +20,8 @@ from ifrfit.inference.sufficient_statistics.moments import (
     S_ZX,
     S_ZZ,
     N,
-    edges,
-    middles,
 )
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -57,7 +56,11 @@ class CondensedRows:
 
 
 def condensed_rows(
-    sums: Array, observable: str, inertia_factor: float, span: tuple[float, float] = (0.0, 0.0)
+    sums: Array,
+    intervals: Intervals,
+    observable: str,
+    inertia_factor: float,
+    span: tuple[float, float] = (0.0, 0.0),
 ) -> CondensedRows:
     """The rows that stand for the impacts of one group.
 
@@ -65,6 +68,7 @@ def condensed_rows(
     ----------
     sums : ndarray, (bins, 7)
         Of the group; intervals whose impacts stand for themselves are zero.
+    intervals : Intervals
     observable : str
     inertia_factor : float
     span : (float, float)
@@ -77,10 +81,10 @@ def condensed_rows(
     pure = float(own[~known, S_ZZ].sum())
     lost = float(own[~known, N].sum())
     seen, own = seen[known], own[known]
-    tau = edges(sums.shape[0])
+    tau = intervals.edges
     with np.errstate(divide="ignore"):
         ends = 1.0 / tau[seen + 1], 1.0 / tau[seen]
-    x, weight, z, scatter = _two_places(own, middles(sums.shape[0])[seen], *ends)
+    x, weight, z, scatter = _two_places(own, intervals.middles[seen], *ends)
     count = weight / own[:, S_1, None] * own[:, N, None]
     keep = weight > 0.0
     x, weight, z, count = x[keep], weight[keep], z[keep], count[keep]

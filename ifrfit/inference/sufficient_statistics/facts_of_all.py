@@ -84,6 +84,8 @@ def statistics_of_all(
     k = optimum.gaussian.rank + len(problem.noise_groups())
     chi2 = result.fit.chi2
     known = problem.noise.is_known
+    # sums are weighted: they tell the unweighted one where sigma is the same throughout a group
+    is_even = not of.weighted or all(known.smallest_sigma >= known.largest_sigma for known in of.groups)
     residual = problem.residual(theta) / (problem.noise.scale if problem.noise.scale is not None else 1.0)
     return replace(
         result.fit,
@@ -93,7 +95,7 @@ def statistics_of_all(
         dof=dof,
         reduced_chi2=chi2 / dof if known and dof > 0 else None,
         p_value=float(chdtrc(dof, chi2)) if known and dof > 0 else None,
-        rmse=float(np.sqrt((residual**2).sum() / n)),
+        rmse=float(np.sqrt((residual**2).sum() / n)) if is_even else math.nan,
         log_likelihood=log_l,
         aic=2.0 * k - 2.0 * log_l,
         bic=k * math.log(n) - 2.0 * log_l,

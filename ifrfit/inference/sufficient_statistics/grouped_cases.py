@@ -27,10 +27,10 @@ from ifrfit.inference.bootstrap.schemes import FEWEST, Cases, prior_means
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_groups
-from ifrfit.inference.sufficient_statistics.moments import Moments, Place, edges, middles
+from ifrfit.inference.sufficient_statistics.moments import Moments, Place
 from ifrfit.inference.sufficient_statistics.passes import Progress, Reader, Tell
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
-from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class GroupedSums:
     low, high : ndarray of int, (series,)
         First and last interval of those in which impacts stand for themselves.
     weighted : bool
-    bins : int
+    intervals : Intervals
     moments : Moments
         Of each group of each series and observable, below and above these intervals; x is 1/tau itself.
     parts : dict of str to list of ndarray, (7, k)
@@ -63,25 +63,28 @@ class GroupedSums:
     low: Index
     high: Index
     weighted: bool
-    bins: int
+    intervals: Intervals
     moments: Moments
     parts: dict[str, list[Array]] = field(default_factory=dict)
 
     @classmethod
-    def nothing(cls, low: Index, high: Index, weighted: bool, bins: int, observables: int) -> GroupedSums:
+    def nothing(
+        cls, low: Index, high: Index, weighted: bool, intervals: Intervals, observables: int
+    ) -> GroupedSums:
         """Of no impacts."""
-        return cls(low, high, weighted, bins, Moments.nothing(1, 2 * low.size * observables * GROUPS))
+        of_groups = Moments.nothing(1, 2 * low.size * observables * GROUPS)
+        return cls(low, high, weighted, intervals, of_groups)
 
     def anew(self) -> GroupedSums:
         """Of no impacts, with the same intervals."""
         nothing = Moments.nothing(*self.moments.high.shape[:2])
-        return GroupedSums(self.low, self.high, self.weighted, self.bins, nothing)
+        return GroupedSums(self.low, self.high, self.weighted, self.intervals, nothing)
 
     def add(self, batch: Batch, stream: ImpactStream) -> None:
         """Add the impacts of a batch."""
         lots = lots_of_rows(batch.number, batch.first, batch.gamma_deg.size)
         groups = (lots % np.uint64(GROUPS)).astype(np.intp)
-        place, _ = intervals_of(batch.incidence, middles(self.bins))
+        place, _ = self.intervals.places(batch.incidence)
         for number, name in enumerate(stream.observables):
             self._add(batch, stream, groups, place, number, name, batch.values[name])
 
@@ -168,7 +171,9 @@ def bootstrap_of_groups(
     if len(of.series) * len(observables) * GROUPS > _MOST_SUMS:
         raise DataError(f"{path}: --method bootstrap of so many series takes them one by one: --series NAME.")
     low, high = _hull(question, problem, optimum)
-    sums = _read(reader, GroupedSums.nothing(low, high, of.weighted, of.bins, len(observables)), of.series)
+    sums = _read(
+        reader, GroupedSums.nothing(low, high, of.weighted, of.intervals, len(observables)), of.series
+    )
     drawn, scheme = _problem(question, sums)
     solved = least_squares(drawn)
     if BatchedSolver.of(drawn, solved) is None:
@@ -192,9 +197,10 @@ def _hull(question: Question, problem: Problem, optimum: LeastSquaresFit) -> tup
     wider = max(1.0, value / n) if question.noise == "known" else 1.0
     near = question.bounds() < value + FAR * wider
     # none where no value knows a transition
+    last = of.intervals.count - 1
     low = np.where(near.any(axis=1), near.argmax(axis=1), 0)
-    high = np.where(near.any(axis=1), of.bins - 1 - near[:, ::-1].argmax(axis=1), of.bins - 1)
-    return np.maximum(low - 1, 0), np.minimum(high + 1, of.bins - 1)
+    high = np.where(near.any(axis=1), last - near[:, ::-1].argmax(axis=1), last)
+    return np.maximum(low - 1, 0), np.minimum(high + 1, last)
 
 
 def _read(reader: Reader, nothing: GroupedSums, series: Sequence[str]) -> GroupedSums:
@@ -229,7 +235,7 @@ def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
     tables: list[pd.DataFrame] = []
     scale: list[Array] = []
     counts: list[Array] = []
-    tau = edges(sums.bins)
+    tau = sums.intervals.edges
     by_group = sums.moments.high.reshape(len(of.groups), GROUPS, 2, -1)
     with np.errstate(divide="ignore"):
         of_tau = 1.0 / tau
@@ -304,7 +310,7 @@ def _refuse_beyond(
 ) -> None:
     """Refuse replicates whose transition lies where impacts do not stand for themselves."""
     problem = found.problem
-    tau, law = edges(question.of.bins), problem.closure.law(problem.inertia_factor)
+    tau, law = question.of.intervals.edges, problem.closure.law(problem.inertia_factor)
     if not found.answered:
         return
     theta = np.tile(optimum.optimum.theta, (found.answered, 1))

@@ -4,7 +4,7 @@ On either side of its transition such a closure is linear: a tangential value is
 where it sticks and k = a0 + a1 c + kappa/tau where it slides. The misfit of the impacts of one interval of
 tau, as long as no transition lies inside, is therefore a quadratic in the constants. Its coefficients are
 the seven sums kept here; w is the weight, r = value - o, and x = 1/tau less that of the middle of the
-interval (`middles`):
+interval (`tau_intervals`):
 
     n, sum w s^2, sum w s^2 x, sum w s^2 x^2, sum w s r, sum w s r x, sum w r^2
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,31 +26,16 @@ from ifrfit.physics.compiling import compiled
 
 Array = NDArray[np.float64]
 Place = NDArray[np.int32]
+Number = TypeVar("Number", float, Array)
 
 N, S_1, S_X, S_XX, S_Z, S_ZX, S_ZZ = range(7)  # z = r/s: named as moments of x and z under the weight w s^2
 SUMS = 7
 _LANES = 16
 
 
-def edges(bins: int) -> Array:
-    """Values of tau between the intervals, (bins + 1,); the last is infinite."""
-    share = np.arange(bins + 1) / bins
-    with np.errstate(divide="ignore"):
-        return share / (1.0 - share)
-
-
-@lru_cache(maxsize=4)
-def middles(bins: int) -> Array:
-    """1/tau in the middle of each interval, (bins,): about it 1/tau keeps its digits."""
-    share = (np.arange(bins) + 0.5) / bins
-    found = np.asarray((1.0 - share) / share)
-    found.flags.writeable = False
-    return found
-
-
-def about_zero(sums: Array) -> Array:
-    """The sums with x = 1/tau itself, (..., bins, `SUMS`)."""
-    x = middles(sums.shape[-2])
+def about_zero(sums: Array, middles: Array) -> Array:
+    """The sums with x = 1/tau itself, (..., bins, `SUMS`); `middles` are the places that x is taken off."""
+    x = middles
     found = sums.copy()
     found[..., S_X] += x * sums[..., S_1]
     found[..., S_XX] += x * (2.0 * sums[..., S_X] + x * sums[..., S_1])
@@ -85,11 +70,14 @@ class Moments:
     def add_direct(self, group: int, w: Array, s: Array, r: Array) -> None:
         """Add impacts whose values are a constant times the slope: all in one interval, where x is zero."""
         high, low = self.high[group, 0], self.low[group, 0]
-        ws = w * s
         high[N] += w.size
-        for of, terms in ((S_1, ws * s), (S_Z, ws * r), (S_ZZ, w * r * r)):
-            found = ExactSum(float(high[of]), float(low[of])).add(terms)
-            high[of], low[of] = found.high, found.low
+        ends = [each[w.size // _LANES * _LANES :] for each in (w, s, r)]
+        sums, lows = compiled(_direct)(*map(read_only, (w, s, r)))
+        for place, (of, a, b) in enumerate(((S_1, 1, 1), (S_Z, 1, 2), (S_ZZ, 2, 2))):
+            rest = (ends[0] * ends[a]) * ends[b]
+            found = compiled(_of_lanes)(sums[place], lows[place], rest)
+            merged = ExactSum(float(high[of]), float(low[of])).merge(ExactSum(*found))
+            high[of], low[of] = merged.high, merged.low
 
     def merge(self, other: Moments) -> Moments:
         """The sums of both."""
@@ -107,7 +95,14 @@ class ExactSum:
 
     def add(self, values: Array) -> ExactSum:
         """With some more numbers."""
-        return self.merge(ExactSum(*compiled(_exact_sum)(values)))
+        lanes = compiled(_exact_sum)(read_only(values))
+        return self.merge(ExactSum(*compiled(_of_lanes)(*lanes, values[values.size // _LANES * _LANES :])))
+
+    def add_squares(self, values: Array) -> ExactSum:
+        """With the squares of some more numbers."""
+        rest = values[values.size // _LANES * _LANES :]
+        lanes = compiled(_exact_squares)(read_only(values))
+        return self.merge(ExactSum(*compiled(_of_lanes)(*lanes, rest * rest)))
 
     @classmethod
     def of_equal(cls, value: float, count: int) -> ExactSum:
@@ -118,19 +113,18 @@ class ExactSum:
     def merge(self, other: ExactSum) -> ExactSum:
         """The sum of both."""
         # an addend may come with more in its low part than its high part has in its last digit
-        high, low = _two_sum(np.array([self.high]), np.array([other.high]))
-        high, low = _two_sum(high, low + (self.low + other.low))
-        return ExactSum(float(high[0]), float(low[0]))
+        high, low = _two_sum(self.high, other.high)
+        return ExactSum(*_two_sum(high, low + (self.low + other.low)))
 
 
-def _two_sum(a: Array, b: Array) -> tuple[Array, Array]:
+def _two_sum(a: Number, b: Number) -> tuple[Number, Number]:
     """The rounded sum and what rounding left, exactly."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
-def _exact_sum(values: Array) -> tuple[float, float]:
+def _exact_sum(values: Array) -> tuple[Array, Array]:
     # what rounding leaves is added up beside: small as it is, its own rounding is of second order
     high, low = np.zeros(_LANES), np.zeros(_LANES)
     whole = values.size // _LANES * _LANES
@@ -140,9 +134,14 @@ def _exact_sum(values: Array) -> tuple[float, float]:
             part = total - high[k]
             low[k] += (high[k] - (total - part)) + (values[first + k] - part)
             high[k] = total
+    return high, low
+
+
+def _of_lanes(high: Array, low: Array, others: Array) -> tuple[float, float]:
+    """The sum of lanes, and of numbers beside them."""
     sum_, rest = 0.0, 0.0
-    for i in range(_LANES + values.size - whole):
-        term = high[i] if i < _LANES else values[whole + i - _LANES]
+    for i in range(_LANES + others.size):
+        term = high[i] if i < _LANES else others[i - _LANES]
         total = sum_ + term
         part = total - sum_
         rest += (sum_ - (total - part)) + (term - part)
@@ -150,6 +149,43 @@ def _exact_sum(values: Array) -> tuple[float, float]:
     for k in range(_LANES):
         rest += low[k]
     return sum_, rest
+
+
+def _exact_squares(values: Array) -> tuple[Array, Array]:
+    high, low = np.zeros(_LANES), np.zeros(_LANES)
+    whole = values.size // _LANES * _LANES
+    for first in range(0, whole, _LANES):
+        for k in range(_LANES):
+            term = values[first + k] * values[first + k]
+            total = high[k] + term
+            part = total - high[k]
+            low[k] += (high[k] - (total - part)) + (term - part)
+            high[k] = total
+    return high, low
+
+
+def _direct(w: Array, s: Array, r: Array) -> tuple[Array, Array]:
+    """Sums of w s^2, w s r and w r^2, (3, lanes), but for the last rows."""
+    high, low = np.zeros((3, _LANES)), np.zeros((3, _LANES))
+    whole = w.size // _LANES * _LANES
+    for first in range(0, whole, _LANES):
+        for k in range(_LANES):
+            i = first + k
+            ws = w[i] * s[i]
+            one, two, three = ws * s[i], ws * r[i], w[i] * r[i] * r[i]
+            total = high[0, k] + one
+            part = total - high[0, k]
+            low[0, k] += (high[0, k] - (total - part)) + (one - part)
+            high[0, k] = total
+            total = high[1, k] + two
+            part = total - high[1, k]
+            low[1, k] += (high[1, k] - (total - part)) + (two - part)
+            high[1, k] = total
+            total = high[2, k] + three
+            part = total - high[2, k]
+            low[2, k] += (high[2, k] - (total - part)) + (three - part)
+            high[2, k] = total
+    return high, low
 
 
 def _accumulate(high: Array, low: Array, place: Place, w: Array, s: Array, r: Array, x: Array) -> None:

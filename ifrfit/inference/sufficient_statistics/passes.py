@@ -19,12 +19,11 @@ from ifrfit.data.stream.portions import FIRST_ROWS, Portion
 from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
-from ifrfit.inference.sufficient_statistics.moments import middles
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
 from ifrfit.inference.workers.crews import TRIES, Crew
 from ifrfit.inference.workers.lots import in_order
-from ifrfit.physics.compiled_incidence import intervals_of
 from ifrfit.physics.observables import OBSERVABLES
 
 Mask = NDArray[np.bool_]
@@ -57,28 +56,29 @@ class Reader:
     progress: Progress | None = None
 
     def accumulate(
-        self, weighted: bool, bins: int, window_of: Callable[[Accumulated, int], Mask]
+        self, weighted: bool, intervals: Intervals, focus: Callable[[Accumulated, int], Accumulated]
     ) -> Accumulated:
         """The sums of all rows.
 
         Parameters
         ----------
-        weighted, bins
-            As `Accumulated`.
-        window_of : callable
-            Tells from the sums so far the intervals whose rows are to be kept, (bins,); it is told how many
-            rows come before it is asked once more.
+        weighted, intervals
+            As `Accumulated`; intervals may be parted on the way.
+        focus : callable
+            Narrows what was found so far to the intervals whose rows are to be kept, which it may part; it is
+            told how many rows come before it is asked once more.
         """
-        total = Accumulated.nothing(self.stream, weighted, bins, np.ones(bins, dtype=bool))
+        total = Accumulated.nothing(self.stream, weighted, intervals, np.ones(intervals.count, dtype=bool))
         first = _rows_of(self.stream.portions[0])
         if first > _MOST_KEPT:
-            total.window.narrow(window_of(self._beginning(total.anew()), first))
+            begun = focus(self._beginning(total.anew()), first)
+            total = Accumulated.nothing(self.stream, weighted, begun.intervals, begun.window.inside)
         for stage in _stages(self.stream.portions):
             if total.tally.rows:
-                total.window.narrow(window_of(total, sum(map(_rows_of, stage))))
+                total = focus(total, sum(map(_rows_of, stage)))
             # what goes along with each portion need not name all others
             nothing = replace(
-                Accumulated.nothing(self.stream, weighted, bins, total.window.inside),
+                Accumulated.nothing(self.stream, weighted, total.intervals, total.window.inside),
                 stream=replace(self.stream, portions=()),
             )
             # all rows of the first stage are kept, and had better not travel
@@ -108,11 +108,13 @@ class Reader:
                 break
         return part
 
-    def fetch(self, bins: int, inside: Mask, series: Sequence[str]) -> WindowRows:
-        """The rows of some intervals, (bins,), in a pass of its own; series are numbered as given."""
+    def fetch(self, intervals: Intervals, inside: Mask, series: Sequence[str]) -> WindowRows:
+        """The rows of some intervals, (intervals,), in a pass of its own; series are numbered as given."""
         total, tally = WindowRows(inside), Tally(series=list(series))
         tell = partial(self._tell, tally)
-        work = partial(_rows, replace(self.stream, portions=()), bins, inside, self._here(tell, self.crew))
+        work = partial(
+            _rows, replace(self.stream, portions=()), intervals, inside, self._here(tell, self.crew)
+        )
         found: Iterator[tuple[Tally, WindowRows]] = in_order(self.stream.portions, work, _lost, self.crew)
         for met, rows in found:
             total.merge(rows, tally.merge(met))
@@ -153,7 +155,7 @@ def _sums(nothing: Accumulated, tell: Tell | None, portions: Sequence[Portion]) 
 
 
 def _rows(
-    stream: ImpactStream, bins: int, inside: Mask, tell: Tell | None, portions: Sequence[Portion]
+    stream: ImpactStream, intervals: Intervals, inside: Mask, tell: Tell | None, portions: Sequence[Portion]
 ) -> list[tuple[Tally, WindowRows]]:
     """The rows of some intervals in each portion."""
     found = []
@@ -161,7 +163,7 @@ def _rows(
     for portion in portions:
         tally, rows = Tally(), WindowRows(inside)
         for batch in stream.batches(portion, tally):
-            place, _ = intervals_of(batch.incidence, middles(bins))
+            place, _ = intervals.places(batch.incidence)
             for name in names:
                 rows.add(name, batch, batch.values[name], place)
             if tell is not None:

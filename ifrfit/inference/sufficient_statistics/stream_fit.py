@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
-from ifrfit.data.stream.impact_stream import check_series, refuse_tiny_sigmas
+from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
+from ifrfit.data.stream.repeated_ids import without_repeated_ids
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
@@ -44,7 +46,8 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
-from ifrfit.inference.sufficient_statistics.transition_window import Question, solve_together
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
+from ifrfit.inference.sufficient_statistics.transition_window import Question, Solved, foreseen, solve_each
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
@@ -145,28 +148,42 @@ def fit_stream(
     def questions_of(of: Accumulated) -> list[Question]:
         return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
 
-    def window_of(of: Accumulated, coming: int) -> Mask:
-        return np.asarray(np.any([each.expected_window(coming) for each in questions_of(of)], axis=0))
-
-    bins = BINS * 4 ** sum(stream.rows >= many for many in _MANY)
-    of = reader.accumulate(weighted, bins, window_of)
-    check_series(stream, of.tally.series)
+    intervals = Intervals(BINS * 4 ** sum(stream.rows >= many for many in _MANY))
+    of = reader.accumulate(weighted, intervals, partial(foreseen, questions_of))
+    check_series(stream.path, stream.selection.series, of.tally.series)
+    for sizes in of.tally.sizes.values():
+        sizes.refuse()
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
     _refuse_few_sigmas(of)
-    refuse_tiny_sigmas(stream, of.tally, of.sample)
+    refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample)
     questions = questions_of(of)
-    solved, fetched = solve_together(questions, reader)
+    solved = solve_each(questions, reader)
     values = [
-        question.value(problem, optimum.optimum.theta)
-        for question, (problem, optimum) in zip(questions, solved, strict=True)
+        question.value(found.problem, found.optimum.optimum.theta)
+        for question, found in zip(questions, solved, strict=True)
     ]
+    best = values.index(min(values))
+    samples: dict[int, FitResult | DataError] = {best: _sample(of, asked[best].fit_sample)}
+    for place, each in enumerate(asked):
+        if values[place] - values[best] > _BEATEN:
+            samples[place] = _under(samples[best], each)
+        elif place != best:
+            samples[place] = _sample(of, each.fit_sample)
     return [
         _estimated(
-            each, question, *found, fetched, estimator, reader, seed, command, beaten=value - min(values)
+            each,
+            questions[k],
+            solved[k],
+            samples[k],
+            estimator,
+            reader,
+            seed,
+            command,
+            values[k] - values[best],
         )
-        for each, question, found, value in zip(asked, questions, solved, values, strict=True)
+        for k, each in enumerate(asked)
     ]
 
 
@@ -195,14 +212,12 @@ def _refuse_few_sigmas(of: Accumulated) -> None:
 def _estimated(
     asked: Asked,
     question: Question,
-    problem: Problem,
-    optimum: LeastSquaresFit,
-    fetched: Mask,
+    solved: Solved,
+    sample: FitResult | DataError,
     estimator: Estimator,
     reader: Reader,
     seed: int,
     command: str,
-    *,
     beaten: float,
 ) -> StreamedFit:
     """What a method finds beyond an optimum, and what is said of all impacts.
@@ -210,13 +225,13 @@ def _estimated(
     Single rows are not looked at under a closure that another one beats by far: all of them misfit.
     """
     of, stream = question.of, question.of.stream
+    problem, optimum, fetched = solved.problem, solved.optimum, solved.fetched
     refuse_lost_digits(of, problem, optimum.optimum.theta)
     assumed = asked.assumed
     if not stream.has_spin and any(OBSERVABLES[name].linear is not None for name in stream.observables):
         assumed = (*assumed, "no spin before impact")
     if not problem.has_oblique:
         assumed = ()
-    sample = _sample(of, asked.fit_sample)
     problem = replace(problem, quoted_spins=_median_spins(problem, sample))
     estimation = _estimation(estimator, question, problem, optimum, reader, seed)
     if estimation.profiles:
@@ -231,7 +246,7 @@ def _estimated(
     points = result.points.iloc[:0]
     if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
-        assumed = (*assumed, *assumed_by(sample, result))
+        assumed = assumed if beaten > _BEATEN else (*assumed, *assumed_by(sample, result))
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
@@ -246,6 +261,7 @@ def _estimated(
         warnings=(
             *result.warnings,
             *warnings_of(of, source),
+            *_of_ids(of),
             _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
         ),
         assumed=assumed,
@@ -349,7 +365,8 @@ def _median_spins(problem: Problem, sample: FitResult | DataError) -> tuple[tupl
     """
     if isinstance(sample, DataError):
         return ((0.0, 0.0),) * len(problem.series)
-    drawn, _ = sample.problem_and_optimum()
+    drawn = sample.problem
+    assert drawn is not None
     i = drawn.rows.incidence
 
     def of(rows: Index | slice) -> tuple[float, float]:
@@ -365,6 +382,25 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
     try:
-        return fit_sample(observe(of.sample.cells(stream.path), stream.conventions, stream.inertia_factor))
+        cells, _ = without_repeated_ids(of.sample.cells(stream.path), stream.conventions)
+        return fit_sample(observe(cells, stream.conventions, stream.inertia_factor))
     except DataError as error:
         return error
+
+
+def _of_ids(of: Accumulated) -> tuple[str, ...]:
+    """What is said of ids that name no single impact."""
+    if not of.sample.drawn:
+        return ()
+    try:
+        _, said = without_repeated_ids(of.sample.cells(of.stream.path), of.stream.conventions)
+    except DataError:  # which is said of the sample
+        return ()
+    return (said,) if said else ()
+
+
+def _under(sample: FitResult | DataError, asked: Asked) -> FitResult | DataError:
+    """The rows of a sample under a closure that has no hope, for which constants of their own say nothing."""
+    if isinstance(sample, DataError) or sample.problem is None:
+        return sample
+    return replace(sample, problem=sample.problem.with_closure(asked.closure, asked.parameters))

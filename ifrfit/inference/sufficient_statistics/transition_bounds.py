@@ -4,12 +4,12 @@ A transition in interval j leaves the impacts below it sticking and those above 
 quadratic in c and kappa, which has a least value over all constants whose transition kappa/b lies within
 tau_lo and tau_hi. The impacts of the interval itself have an impulse factor that differs from that of
 sticking by b (1 - tau_lo/tau_hi) at most, where b is the largest difference between sticking and sliding that
-the closure's domain allows, so that by the triangle inequality
+the closure's domain allows. With e = b (1 - tau_lo/tau_hi) sqrt(W_j) and W_j the sum of w s^2 there, the
+triangle inequality and (sqrt(q) - e)^2 >= (1 - t) q - e^2 (1 - t)/t give, for every t between 0 and 1,
 
-    Q >= min (Q_stick(below) + Q_slide(above))
-         + max(0, sqrt(min Q_stick(j)) - b (1 - tau_lo/tau_hi) sqrt(W_j))^2
+    Q >= min (Q_stick(below) + Q_slide(above) + (1 - t) Q_stick(j)) - e^2 (1 - t)/t
 
-with W_j the sum of w s^2 there (docs/theory/sufficient-statistics.md, eq. 3).
+with one and the same c for all (docs/theory/sufficient-statistics.md, eq. 3).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from ifrfit.inference.sufficient_statistics.moments import (
     S_ZZ,
     N,
     about_zero,
-    edges,
 )
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -37,35 +37,47 @@ Array = NDArray[np.float64]
 _ROUNDING = 1e-12  # relative, of what sums cancel to
 
 
-def least_misfit(sums: Array, law: Coefficients, domain: tuple[float, float], spread: float = 1.0) -> Array:
+def least_misfit(
+    sums: Array, intervals: Intervals, law: Coefficients, domain: tuple[float, float], spread: float = 1.0
+) -> Array:
     """Lower bound of the misfit of one group's impacts with the transition in each interval, (bins,).
 
     Parameters
     ----------
     sums : ndarray, (bins, 7)
         Of all impacts of the group.
+    intervals : Intervals
     law : Coefficients
     domain : (float, float)
         Of the closure constant; equal where it is fixed.
     spread : float
         Part of b that is allowed for; with less than all this is no bound but an estimate.
     """
-    sums = about_zero(sums)
+    sums = about_zero(sums, intervals.middles)
     upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
     below, above = upto[:-1], upto[-1] - upto[1:]
     b = spread * float(np.max(np.abs(law.b0 + law.b1 * np.array(domain))))
-    tau = edges(sums.shape[0])
+    tau = intervals.edges
     with np.errstate(invalid="ignore"):
         width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)
-    within = np.sqrt(_sticking(sums, law, domain)) - b * width * np.sqrt(sums[:, S_1])
-    outside = _least_outside(below, above, (tau[:-1], tau[1:]), law, domain)
-    return np.asarray(outside + np.maximum(within, 0.0) ** 2)
+    apart = b * width * np.sqrt(sums[:, S_1])
+    ends = tau[:-1], tau[1:]
+    # t is best at e/sqrt(Q_stick(j)): by the least of it first, then by the c that this leads to
+    own, best = _sticking(sums, law, domain), np.full(len(sums), -np.inf)
+    for _ in range(2):
+        t = np.minimum(np.divide(apart, np.sqrt(own), out=np.ones_like(own), where=own > 0.0), 1.0)
+        t = np.where(apart > 0.0, t, 0.0)
+        lost = np.divide(apart**2 * (1.0 - t), t, out=np.zeros_like(t), where=t > 0.0)
+        value, c = _least_with(below + (1.0 - t[:, None]) * sums, above, ends, law, domain)
+        best = np.maximum(best, value - lost)
+        own = np.maximum(own, _sticking_at(c, sums, law))
+    return np.asarray(np.maximum(best, 0.0))
 
 
-def _least_outside(
+def _least_with(
     below: Array, above: Array, ends: tuple[Array, Array], law: Coefficients, domain: tuple[float, float]
-) -> Array:
-    """Least misfit of impacts that stick and others that slide, with the transition between two ends."""
+) -> tuple[Array, Array]:
+    """Least misfit of impacts that stick and others that slide, the transition between two ends; with c."""
     stick, slide = below[:, [S_1, S_Z, S_ZZ]], above[:, [S_1, S_Z, S_ZZ, S_X, S_XX, S_ZX]]
     made = quadratic_matrix(law) @ np.concatenate((stick, slide), axis=1).T
     form, size = made[:SIZE], made[SIZE]
@@ -75,7 +87,7 @@ def _least_outside(
     # where c and kappa are hardly told apart, rounding decides where in the strip the least value lies
     flat = form[CC] * form[KK] - form[CK] ** 2 < FLAT * form[CC] * form[KK]
     apart = _sticking(below, law, domain) + _sliding(above, law, domain)
-    return np.where(flat, apart, np.maximum(found.values - found.errors, apart))
+    return np.where(flat, apart, np.maximum(found.values - found.errors, apart)), found.points[:, 0]
 
 
 def least_direct(sums: Array) -> float:
@@ -94,6 +106,12 @@ def _sticking(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Ar
     else:
         left = sums[:, S_ZZ] - _over(sums[:, S_Z] ** 2, sums[:, S_1])
     return _kept(left, sums)
+
+
+def _sticking_at(c: Array, sums: Array, law: Coefficients) -> Array:
+    """Misfit where all stick with these c, (bins,)."""
+    k = law.a0 + law.b0 + (law.a1 + law.b1) * c
+    return _kept(sums[:, S_ZZ] - 2.0 * k * sums[:, S_Z] + k * k * sums[:, S_1], sums)
 
 
 def _sliding(sums: Array, law: Coefficients, domain: tuple[float, float]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -32,10 +32,29 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
-_MOST_ROWS = 2_000_000  # that are fetched
+_MOST_ROWS = 2_000_000  # that are fetched, for all questions together: half a GiB or so for each million
+_FEW_ROWS = 20_000  # to come for a closure, up to which its intervals need not be parted
+_MOST_PARTED = 64  # intervals at once: more of them are as narrow as the rows can tell
 _PASSES = 4
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
 MEAN, SCATTER = "mean of an interval", "scatter within intervals"  # what condensed rows are
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A problem with its optimum.
+
+    Attributes
+    ----------
+    problem : Problem
+    optimum : LeastSquaresFit
+    fetched : ndarray of bool, (series, intervals)
+        Where impacts stand for themselves.
+    """
+
+    problem: Problem
+    optimum: LeastSquaresFit
+    fetched: Mask
 
 
 @dataclass(frozen=True)
@@ -48,18 +67,12 @@ class Question:
     noise: Policy
     separate_noise: bool
 
-    def expected_window(self, coming: int) -> Mask:
-        """The intervals that will be fetched in the end, most likely, told from some rows, (bins,).
-
-        No interval where these would be too many of the rows to come.
-        """
+    def expected_window(self) -> Mask:
+        """The intervals that will be fetched in the end, most likely, told from some rows, (bins,)."""
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
         likely = _with_neighbours(self.bounds() < best + 2.0 * FAR)
-        expected = np.asarray((likely | self.each_by_itself()).any(axis=0))
-        groups = self._oblique()
-        share = float(self.of.sums[groups][:, expected, N].sum()) / max(self.of.tally.rows, 1)
-        return np.asarray(expected & (share * coming <= _MOST_ROWS / 2))
+        return np.asarray((likely | self.each_by_itself()).any(axis=0))
 
     def each_by_itself(self) -> Mask:
         """Where the transition of a series may lie that shares no constant, (series, bins): `pooling` asks.
@@ -67,35 +80,19 @@ class Question:
         None where that would be too many impacts: they are not needed for the fit.
         """
         if len(self.of.series) < 2 or not self._share_constants():
-            return np.zeros((len(self.of.series), self.of.bins), dtype=bool)
+            return np.zeros((len(self.of.series), self.of.intervals.count), dtype=bool)
         alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
         best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
         found = _with_neighbours(alone.bounds() < best + FAR)
-        return found & (self._rows_in(found) <= _MOST_ROWS / 2)
+        return found & (self.rows_in(found) <= _MOST_ROWS / 2)
 
     def _share_constants(self) -> bool:
         return any(p.fixed is None and not p.separate for p in self.parameters)
 
-    def _rows_in(self, intervals: Mask) -> float:
+    def rows_in(self, intervals: Mask) -> float:
         """Values of some intervals of each series, (series, bins), that know the transition."""
         of = self.of
         return sum(float(of.sums[g, intervals[of.series_of(g)], N].sum()) for g in self._oblique())
-
-    def refuse_many(self, fetched: Mask) -> None:
-        """Refuse to hold very many impacts.
-
-        Raises
-        ------
-        DataError
-            With their number.
-        """
-        n = self._rows_in(fetched)
-        if n > _MOST_ROWS:
-            raise DataError(
-                f"{self.of.stream.path}: the data leave open where sliding ends, so that {n:,.0f} values "
-                f"would have to be held at once ({_MOST_ROWS:,} at most). Fit a part of them, or say more by "
-                "--fix, --prior or --bounds."
-            )
 
     def _oblique(self) -> list[int]:
         return [
@@ -115,7 +112,7 @@ class Question:
             if OBSERVABLES[name].linear is not None:
                 sums[fetched[series]] = 0.0
             span = (known.least_gamma, known.largest_gamma)
-            made = condensed_rows(sums, name, stream.inertia_factor, span)
+            made = condensed_rows(sums, of.intervals, name, stream.inertia_factor, span)
             if not made.value.size:
                 continue
             columns = {
@@ -200,7 +197,7 @@ class Question:
         own = constants[self.closure.constant] if self.closure.constant else None
         domain = (0.0, 0.0) if own is None else own.ends
         law = cast(Coefficients, self.closure.law(of.stream.inertia_factor))
-        least = np.zeros((series, len(observables), of.bins))
+        least = np.zeros((series, len(observables), of.intervals.count))
         for group in range(len(of.groups)):
             number = group % len(observables)
             if OBSERVABLES[observables[number]].linear is None:
@@ -208,6 +205,7 @@ class Question:
             else:
                 least[of.series_of(group), number] = least_misfit(
                     of.sums[group],
+                    of.intervals,
                     law,
                     domain,
                     spread,
@@ -222,7 +220,7 @@ class Question:
         least = self._least(spread)
         series = len(least)
         together = not any(p.separate for p in self.parameters)
-        found = np.empty((series, self.of.bins))
+        found = np.empty((series, self.of.intervals.count))
         for number in range(series):
             # a series whose constants are its own has its transition where it likes
             others = (
@@ -296,41 +294,97 @@ class Question:
         return min(found)
 
 
-def solve_together(
-    questions: Sequence[Question], reader: Reader
-) -> tuple[list[tuple[Problem, LeastSquaresFit]], Mask]:
-    """Problems of the same rows, each with its optimum, and the intervals whose impacts stand for themselves.
+def foreseen(
+    questions_of: Callable[[Accumulated], Sequence[Question]], of: Accumulated, coming: int
+) -> Accumulated:
+    """What was found of some rows, narrowed to the intervals that a transition is expected in.
+
+    They are parted as long as very many of the rows to come would lie in them, and the sums tell in which
+    parts of them they need not be kept. No interval is kept for a question that calls for too many even so.
+
+    Parameters
+    ----------
+    questions_of : callable
+        What is asked of sums.
+    of : Accumulated
+    coming : int
+        Rows that come before this is asked again.
+    """
+    while True:
+        windows = [question.expected_window() & of.window.inside for question in questions_of(of)]
+        inside = np.asarray(np.any(windows, axis=0))
+        of.window.narrow(inside)
+        wide = [
+            window
+            for window in windows
+            if np.count_nonzero(window) <= _MOST_PARTED and of.expected_rows(window, coming) > _FEW_ROWS
+        ]
+        finer = of.parted(np.asarray(np.any(wide, axis=0))) if wide else of
+        if finer.intervals == of.intervals:
+            break
+        of = finer
+    few = [window for window in windows if of.expected_rows(window, coming) <= _MOST_ROWS / 2]
+    of.window.narrow(np.asarray(np.any(few, axis=0)) if few else np.zeros_like(inside))
+    return of
+
+
+def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
+    """The problem of each question with its optimum, and the intervals whose impacts stand for themselves.
+
+    Each has the impacts that it calls for itself: a closure that the data refute leaves more of them open.
 
     Parameters
     ----------
     questions : sequence of Question
-        Put to the same sums.
+        Put to the same sums, whose kept impacts are let go of in the end.
     reader : Reader
         Of the stream, for impacts that were not kept.
     """
     of = questions[0].of
-    fetched = np.zeros((len(of.series), of.bins), dtype=bool)
-    rows: list[pd.DataFrame] = []
+    fetched = [np.zeros((len(of.series), of.intervals.count), dtype=bool) for _ in questions]
+    rows: list[list[pd.DataFrame]] = [[] for _ in questions]
+    solved: dict[int, Solved] = {}
     for _ in range(_PASSES):
-        found, needed, more = [], np.zeros_like(fetched), np.zeros_like(fetched)
-        for question in questions:
-            problem = question.problem(rows, fetched)
+        for place, question in enumerate(questions):
+            if place in solved:
+                continue
+            problem = question.problem(rows[place], fetched[place])
             optimum = least_squares(problem)
-            found.append((problem, optimum))
-            needed |= question.bounds() < question.value(problem, optimum.optimum.theta) + FAR
-            more |= question.each_by_itself()
-        if not (needed & ~fetched).any():
-            return found, fetched
-        fetched |= _with_neighbours(needed) | more
-        questions[0].refuse_many(fetched)
+            needed = question.bounds() < question.value(problem, optimum.optimum.theta) + FAR
+            if (needed & ~fetched[place]).any():
+                fetched[place] |= _with_neighbours(needed) | question.each_by_itself()
+            else:
+                solved[place] = Solved(problem, optimum, fetched[place])
+        open_ = [place for place in range(len(questions)) if place not in solved]
+        if not open_:
+            of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
+            return [solved[place] for place in range(len(questions))]
+        _refuse_many(str(of.stream.path), sum(map(Question.rows_in, questions, fetched)))
+        inside = np.any([fetched[place].any(axis=0) for place in open_], axis=0)
         window = of.window
-        inside = np.asarray(fetched.any(axis=0))
         if (inside & ~window.inside).any():
-            window = reader.fetch(of.bins, inside, of.series)
-        rows = window.tables(fetched, of.series, weighted=of.weighted)
+            window = reader.fetch(of.intervals, inside, of.series)
+        for place in open_:
+            rows[place] = window.tables(fetched[place], of.series, weighted=of.weighted)
     raise DataError(
         f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
     )
+
+
+def _refuse_many(path: str, values: float) -> None:
+    """Refuse to hold very many impacts, of all questions together.
+
+    Raises
+    ------
+    DataError
+        With their number.
+    """
+    if values > _MOST_ROWS:
+        raise DataError(
+            f"{path}: the data leave open where sliding ends, so that {values:,.0f} values would have to be "
+            f"held at once ({_MOST_ROWS:,} at most). Fit a part of them, or say more by --fix, --prior or "
+            "--bounds."
+        )
 
 
 def _with_neighbours(intervals: Mask) -> Mask:

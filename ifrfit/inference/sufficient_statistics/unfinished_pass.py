@@ -38,9 +38,8 @@ class UnfinishedPass:
 
     def of(self, nothing: Accumulated) -> KeptParts:
         """The parts that begin as `nothing`: found by the same question of the same files."""
-        question = hashlib.sha256(
-            repr((__version__, nothing.stream, nothing.weighted, nothing.bins, nothing.sample.below)).encode()
-        )
+        asked = nothing.stream, nothing.weighted, nothing.intervals, nothing.sample.below
+        question = hashlib.sha256(repr((__version__, *asked)).encode())
         question.update(np.packbits(nothing.window.inside).tobytes())
         return KeptParts(self.folder, question.hexdigest(), nothing)
 

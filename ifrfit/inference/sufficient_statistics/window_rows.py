@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import make_table
 from ifrfit.data.stream.impact_stream import Batch, Values
+from ifrfit.physics.compiled_incidence import incidence_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -61,6 +63,13 @@ class WindowRows:
         for name, parts in self.parts.items():
             kept = (part[:, self.inside[part[_PLACE].astype(np.intp)]] for part in parts)
             self.parts[name] = [part for part in kept if part.size] or [parts[0][:, :0]]
+
+    def batches(self, name: str) -> Iterator[Batch]:
+        """The rows of an observable as impacts of their own."""
+        for part in self.parts.get(name, []):
+            values = Values(np.arange(part.shape[1]), part[_VALUE], part[_SIGMA])
+            incidence = incidence_of(*(part[each].copy() for each in (_GAMMA, _SPIN_X, _SPIN_Y)))
+            yield Batch(incidence, part[_GAMMA], part[_SERIES].astype(np.intp), {name: values})
 
     def arrays(self) -> dict[str, Array]:
         """By observable, (7, n)."""

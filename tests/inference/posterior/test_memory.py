@@ -17,6 +17,7 @@ import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior.quadrature_axis import rule
 
 
 def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,3 +189,19 @@ def test_slabs_of_e_n_are_the_whole(monkeypatch: pytest.MonkeyPatch, closure, ob
         sd = whole.sd(name)
         assert parts.mean(name) == pytest.approx(whole.mean(name), abs=1e-9 * sd)
         np.testing.assert_allclose(parts.quantile(name, LEVELS), whole.quantile(name, LEVELS), atol=1e-8 * sd)
+
+
+def test_errors_of_panels_take_a_part_of_the_grid_at_once() -> None:
+    problem = ifrfit.fit("buck-2017", closure="fr", method="lsq").problem
+    density = integrate(problem, tolerance=1e-4).density
+    (grid,) = (grid for grid in density.grids if grid.nodes.coordinate is not None)
+    assert grid.f.size > 1_000_000
+    tracemalloc.start()
+    found = grid.panel_errors(density.share)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < grid.f.size  # a byte a value
+    sides = grid.f.reshape(*grid.f.shape[:-1], 2, -1) @ rule(grid.series.c_order).differences.T
+    part = grid.factor * (grid.outer(density.share)[0] * grid.e_weight[0][:, None] * grid.x_weight[0])
+    error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
+    assert found[-1][2] == pytest.approx(error, rel=1e-12)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import optimize
 
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import (
     SUMS,
     ExactSum,
     Moments,
-    edges,
-    middles,
 )
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_bounds import least_misfit
 from ifrfit.physics import OBSERVABLES, get_closure
 from ifrfit.physics.angles import Incidence
@@ -100,10 +100,10 @@ def test_condensed_rows_have_the_quadratics_of_all(seed, n, name):
     x = incidence.cosine / slip
     made = Moments.nothing(1, BINS)
     place = bin_of(slip, incidence.cosine, BINS)
-    made.add(0, place, w, slope, value - offset, x - middles(BINS)[place])
-    few = condensed_rows(made.high[0], name, 0.4)
+    made.add(0, place, w, slope, value - offset, x - Intervals(BINS).middles[place])
+    few = condensed_rows(made.high[0], Intervals(BINS), name, 0.4)
     assert few.count.sum() == pytest.approx(n)
-    assert (np.diff(edges(BINS)) > 0.0).all()
+    assert (np.diff(Intervals(BINS).edges) > 0.0).all()
     other = Incidence.of(few.gamma_deg, degrees=True)
     base, along = OBSERVABLES[name].linear(other, 0.4)
     for k, kappa in rng.normal(0.3, 0.5, (5, 2)):
@@ -135,9 +135,9 @@ def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed, s
     slip = np.abs(incidence.slip_x)
     place = bin_of(slip, incidence.cosine, bins)
     x = incidence.cosine / slip
-    made.add(0, place, np.full(n, 400.0), slope, value - offset, x - middles(bins)[place])
-    bound = least_misfit(made.high[0], law, domain)
-    tau = edges(bins)
+    made.add(0, place, np.full(n, 400.0), slope, value - offset, x - Intervals(bins).middles[place])
+    bound = least_misfit(made.high[0], Intervals(bins), law, domain)
+    tau = Intervals(bins).edges
     for _ in range(400):
         c, t = rng.uniform(*domain), np.exp(rng.uniform(-3.0, 2.0))
         b = law.b0 + law.b1 * c
@@ -145,3 +145,30 @@ def test_a_bound_lies_below_every_fit_with_its_transition_there(closure, seed, s
         misfit = float((400.0 * (value - offset - slope * k) ** 2).sum())
         where = int(np.searchsorted(tau, t, side="right")) - 1
         assert bound[where] <= misfit * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("closure", "start"), [("fr", (0.69, 0.4)), ("ifr-contact", (-0.41, 0.19))])
+def test_a_closure_that_the_data_refute_leaves_few_intervals_open(closure, start):
+    # impacts of an interval stick with the c of all others: with a c of their own they would cost next to
+    # nothing, and the bound would fall short by their misfit, in as many intervals as that outweighs
+    rng = np.random.default_rng(4)
+    n, bins = 100_000, 2048
+    gamma = rng.uniform(1.0, 85.0, n)
+    incidence = Incidence.of(gamma, degrees=True)
+    offset, slope = OBSERVABLES["beta"].linear(incidence, 0.4)
+    k, _ = get_closure("ifr").law(0.4).impulse(incidence, -0.7, 0.285)
+    value = offset + slope * k + 0.03 * rng.standard_normal(n)
+    made = Moments.nothing(1, bins)
+    slip = np.abs(incidence.slip_x)
+    place = bin_of(slip, incidence.cosine, bins)
+    x = incidence.cosine / slip - Intervals(bins).middles[place]
+    made.add(0, place, np.full(n, 0.03**-2), slope, value - offset, x)
+    law, domain = get_closure(closure).law(0.4), get_closure(closure).domain(0.4)
+
+    def misfit(constants):
+        own, _ = law.impulse(incidence, *constants)
+        return float((((value - offset - slope * own) / 0.03) ** 2).sum())
+
+    best = optimize.minimize(misfit, start, method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-4}).fun
+    assert best > 5.0 * n
+    assert np.count_nonzero(least_misfit(made.high[0], Intervals(bins), law, domain) < best + 80.0) <= 6

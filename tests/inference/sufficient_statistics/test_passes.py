@@ -15,7 +15,7 @@ from streams import folder_of, impacts
 import ifrfit
 from ifrfit.data.stream import portions
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.estimators import Exact, LeastSquares
+from ifrfit.inference.estimators import Bootstrap, Exact, LeastSquares
 from ifrfit.inference.sufficient_statistics import passes, transition_window, unfinished_pass
 from ifrfit.inference.workers import crews
 
@@ -82,8 +82,8 @@ def test_a_window_told_too_early_costs_a_pass_and_no_digit(tmp_path, monkeypatch
         fetched.append(1)
         return fetch(*given)
 
-    def nowhere(question, coming):
-        return np.zeros(question.of.bins, dtype=bool)
+    def nowhere(question):
+        return np.zeros(question.of.intervals.count, dtype=bool)
 
     monkeypatch.setattr(passes.Reader, "fetch", counted)
     assert record_of(ifrfit.fit(folder, method="lsq")) == alone
@@ -209,6 +209,8 @@ def test_what_is_asked_of_data_in_memory(tmp_path):
             ifrfit.fit(tmp_path / "few.csv", method=Exact(**given))
         with refused(UsageError, match="where --method profile is one short computation"):
             ifrfit.fit(tmp_path / "few.csv", method=ifrfit.Profile(**given))
+    with refused(UsageError, match="held in memory, where --method bootstrap takes --workers"):
+        ifrfit.fit(tmp_path / "few.csv", method=Bootstrap(scheduler="tcp://x:1"))
     with refused(UsageError, match="leave one out"), crews.crew_of(2, "tcp://x:1"):
         pass
 

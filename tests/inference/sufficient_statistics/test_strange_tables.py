@@ -13,6 +13,7 @@ import pytest
 from streams import impacts
 
 import ifrfit
+from ifrfit.data.stream import table_batches
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import LeastSquares
 
@@ -274,3 +275,101 @@ def test_quotation_marks_over_lines_lose_no_rows_in_silence(folder, monkeypatch,
 def test_quotation_marks_within_lines_are_no_matter(folder):
     table = impacts(400).assign(note='say "hi", or not')
     assert_as_in_memory(written(folder, table), table.drop(columns="note"))
+
+
+@pytest.mark.parametrize("other", ["a.csv", "a.csv.gz"])
+def test_the_rows_of_a_table_beside_it_in_another_format_are_not_counted_twice(folder, other):
+    table = impacts(400)
+    written(folder, table, "a.parquet")
+    written(folder, table.round(9), other)
+    with pytest.raises(DataError, match=r"a\.parquet: begins with the rows of a\.csv.* counted twice"):
+        ifrfit.fit(folder, method="lsq")
+
+
+def test_other_rows_of_the_same_name_in_another_format_are_taken(folder):
+    tables = impacts(400), impacts(300, 1)
+    written(folder, tables[0], "a.parquet")
+    written(folder, tables[1], "a.csv")
+    assert_as_in_memory(folder, pd.concat(tables))
+
+
+def test_a_damaged_page_with_a_checksum_is_refused(folder):
+    table = impacts(4000, spin=0.0)
+    path = folder / "a.parquet"
+    pq.write_table(pa.Table.from_pandas(table), path, compression="none", write_page_checksum=True)
+    raw = bytearray(path.read_bytes())
+    at = raw.find(np.float64(table["beta"][1234]).tobytes())
+    raw[at] ^= 1  # in the last digit: nothing is impossible about it
+    path.write_bytes(raw)
+    with pytest.raises(DataError, match=r"a\.parquet: .*(CRC|checksum).* Write it again"):
+        ifrfit.fit(folder, method="lsq")
+    with pytest.raises(DataError, match=r"a\.parquet: .*(CRC|checksum).* Write it again"):
+        ifrfit.fit(path, method="lsq")
+
+
+def in_order(table, column, *cells):
+    """Values of a column put at rows."""
+    for row, value in cells:
+        table.loc[row, column] = value
+    return table
+
+
+CODED = {
+    "alone in its batch": (True, "speed_m_s", 2.0, [(7, 99.9)]),
+    "beside larger values of another batch": (False, "speed_m_s", 2.0, [(7, 99.0), (390, 40.0)]),
+    "one in each batch": (True, "speed_m_s", 2.0, [(7, 9.99), (150, 9.99), (390, 9.99)]),
+    "two in all": (False, "speed_m_s", 2.0, [(7, 9.99), (390, 9.99)]),
+    "a short one beside larger values of another batch": (
+        False,
+        "speed_m_s",
+        2.0,
+        [(7, 9.99), (8, 9.99), (9, 9.99), (390, 4.0)],
+    ),
+    "negative": (True, "spin_y", 0.1, [(7, -999.0)]),
+    "first small, then large": (False, "spin_y", 0.1, [(7, 99.0), (399, 60.0)]),
+}
+
+
+@pytest.mark.parametrize("case", CODED)
+@pytest.mark.parametrize("size", [50, 1000])
+def test_a_code_for_not_measured_is_judged_by_all_rows(folder, monkeypatch, case, size):
+    monkeypatch.setattr(table_batches, "_BATCH", size)
+    is_code, name, other, cells = CODED[case]
+    table = impacts(400, spin=0.0)
+    table[name] = other
+    table = in_order(table, name, *cells)
+    written(folder, table, "a.parquet")
+    if is_code:
+        for data in (table, folder):
+            with pytest.raises(DataError, match=f"column {name}: {cells[0][1]:g} looks like a code for 'not"):
+                ifrfit.fit(data, method="lsq")
+    else:
+        assert_as_in_memory(folder, table)
+
+
+@pytest.mark.parametrize("numbered", ["in each file", "in the table"])
+def test_ids_that_name_no_single_impact_are_told_and_take_no_fact_away(folder, numbered):
+    table = impacts(600, spin=0.0)
+    table["impact_id"] = np.arange(600) % (300 if numbered == "in each file" else 200)
+    for first, name in ((0, "a.parquet"), (300, "b.parquet")):
+        written(folder, table.iloc[first : first + 300], name)
+    found = ifrfit.fit(folder, method="lsq")
+    (said,) = (said for said in found.warnings if "impact_id" in said)
+    assert "names no single impact: each row is taken for an impact of its own" in said
+    assert "outliers" in found.facts
+    alone = ifrfit.fit(table.drop(columns="impact_id"), method="lsq")
+    assert found.fit.chi2 == pytest.approx(alone.fit.chi2, rel=1e-9)
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("even", [True, False])
+def test_the_rmse_is_that_in_memory_or_none(folder, noise, even):
+    table = impacts(600)
+    if even:
+        table["sigma_beta"], table["sigma_e_n"] = 0.04, 0.02
+    written(folder, table, "a.parquet")
+    streamed, held = (ifrfit.fit(data, method="lsq", noise=noise).fit.rmse for data in (folder, table))
+    if even or noise == "unknown":
+        assert streamed == pytest.approx(held, rel=1e-9)
+    else:  # weighted sums do not tell it
+        assert np.isnan(streamed)

@@ -11,7 +11,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
-from ifrfit.inference.sufficient_statistics.moments import edges
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
 from ifrfit.report import write_folder
 
@@ -74,7 +74,7 @@ def test_beyond_the_window_all_rows_lie_above_the_proven_rise(tmp_path, monkeypa
     assert least > 0.9 * FAR
     problem, optimum = ifrfit.fit(tmp_path / "all.csv", method="lsq", noise=noise).problem_and_optimum()
     misfit = Misfit.of(problem, optimum)
-    tau = edges(fetched.shape[1])
+    tau = Intervals(fetched.shape[1]).edges
     outside = np.flatnonzero(~fetched[0] & (tau[:-1] > 0.0) & np.isfinite(tau[1:]))
     assert 100 < outside.size < fetched.size - 10
     rng = np.random.default_rng(0)

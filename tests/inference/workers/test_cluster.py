@@ -21,7 +21,7 @@ from ifrfit.campaign.run import run_campaign
 from ifrfit.data.groups import Group
 from ifrfit.data.stream import portions
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import LeastSquares
+from ifrfit.inference.estimators import Bootstrap, LeastSquares
 from ifrfit.inference.workers import crews
 from ifrfit.inference.workers.crews import crew_of
 from ifrfit.inference.workers.lots import in_lots
@@ -72,6 +72,14 @@ def test_a_fit_is_the_same_to_the_last_bit(tmp_path, local, small_portions):
     folder = folder_of(tmp_path / "all", impacts(5000, series=2), 3, "parquet")
     alone = ifrfit.fit(folder, method="lsq")
     assert record_of(ifrfit.fit(folder, method=LeastSquares(scheduler=local))) == record_of(alone)
+
+
+def test_a_bootstrap_is_the_same_to_the_last_bit(tmp_path, local, small_portions):
+    folder = folder_of(tmp_path / "all", impacts(5000), 3, "parquet")
+    alone, there = (
+        ifrfit.fit(folder, method=Bootstrap(replicates=100, scheduler=address)) for address in (None, local)
+    )
+    assert record_of(there) == record_of(alone)
 
 
 def test_a_campaign_is_the_same(tmp_path, local):
