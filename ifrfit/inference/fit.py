@@ -22,14 +22,7 @@ from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import (
-    Estimator,
-    refuse_crew_in_memory,
-    refuses_common_errors,
-    refuses_offset,
-    refuses_prior,
-    refuses_tie,
-)
+from ifrfit.inference.estimators import Estimator
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -38,6 +31,7 @@ from ifrfit.inference.keywords import (
     selection_of,
     split_columns,
 )
+from ifrfit.inference.method_limits import refuse_crew_in_memory, refuses
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.parameters import Parameter, priors_beyond_domain
 from ifrfit.inference.model.problem import Problem, make_problem, noise_policy
@@ -450,14 +444,7 @@ def fit_problem(
     DataError
         As the method.
     """
-    reason = (
-        refuses_prior(estimator, problem)
-        or refuses_offset(estimator, problem)
-        or refuses_tie(estimator, problem)
-        or refuses_common_errors(estimator, problem)
-        or estimator.refuses(problem)
-    )
-    if reason:
+    if reason := refuses(estimator, problem):
         raise UsageError(reason)
     begin = time.perf_counter()
     optimum = least_squares(problem)
