@@ -20,7 +20,7 @@ from scipy.special import ndtr
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
-from ifrfit.inference.optimize.transition_cells import N_BELOW, quadratic_matrix
+from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -166,7 +166,7 @@ class _Cells:
         above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
         below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
         sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
-        cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law), sums, 1)
+        cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law)[:SIZE], sums, 1)
         forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk))
         edge = np.zeros((tau.shape[0], 1))
         walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)

@@ -389,17 +389,22 @@ class _Replicates:
 
     @property
     def _squares_away(self) -> Array:
-        """Squared distances from the means, in sd, of the free constants, (m, constants)."""
+        """Squared distances from the means, in sd, of the free constants, (m, constants); 0 where sd is 0."""
         density, weights = self._density, special.softmax(self.log_weights)
         theta = density.theta(density.coordinates.values(self.at))[:, density.problem.parameters.free]
         square = (theta - weights @ theta) ** 2
-        return np.asarray(square / (weights @ square))
+        variance = weights @ square
+        return np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0)
 
     @property
     def error_of_one_draw(self) -> float:
         """Standard error, in sd, of the sd of a constant by the draw that makes most of its variance."""
         weights = special.softmax(self.log_weights)
-        return 0.5 * float((weights[:, None] * self._squares_away).max(initial=0.0))
+        of_each = weights[:, None] * self._squares_away
+        # a variance of 0 is that of one draw with all of the weight
+        return (
+            0.5 if of_each.size and not of_each.any(axis=0).all() else 0.5 * float(of_each.max(initial=0.0))
+        )
 
     @property
     def cost(self) -> float:
