@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -131,6 +132,17 @@ def make_case(n: int) -> Case:
     return Case(problem, gamma, 1.0 / np.tan(np.radians(gamma)), beta, starts)
 
 
+def least_by_itself(call: Callable[[], object], budget: float) -> float:
+    """Least CPU time of calls that follow one another: memory and caches are as the method leaves them."""
+    least, spent = math.inf, 0.0
+    while spent < budget:
+        start = time.process_time()
+        call()
+        took = time.process_time() - start
+        least, spent = min(least, took), spent + max(took, 1e-6)
+    return least
+
+
 def measure(n: int, budget: float) -> list[dict[str, Any]]:
     """All methods at one size."""
     case = make_case(n)
@@ -142,6 +154,7 @@ def measure(n: int, budget: float) -> list[dict[str, Any]]:
         TRF: case.trf,
     }
     times = rounds_of(calls, budget)
+    alone = {name: least_by_itself(call, budget / 8.0) for name, call in calls.items()}
     single = statistics.median(times[ONE])
     count = int(np.clip(2.0 * budget / single, 2, N_STARTS))
     tried: list[tuple[float, float]] = []
@@ -167,6 +180,7 @@ def measure(n: int, budget: float) -> list[dict[str, Any]]:
                 "method": name,
                 "time_s": median,
                 "over_lmfit_1": ratio,
+                "by_itself": None if name == MANY else alone[name] / alone[ONE],
                 "chi2_above_best": chi2[name] - best,
                 "certified": str(optimum.certified).lower() if name in (OURS, WHOLE) else "",
                 "gap": optimum.gap if name in (OURS, WHOLE) else None,
@@ -205,6 +219,7 @@ COLUMNS = {
     "method": _called,
     "time": lambda row: f"{1e3 * row['time_s']:.2f} ms",
     "over lmfit-1": "{over_lmfit_1:.2f}",
+    "by itself": lambda row: "" if row["by_itself"] is None else f"{row['by_itself']:.2f}",
     "chi2 - best": "{chi2_above_best:.3g}",
     "starts that missed": _missed,
     "certified": "{certified}",
@@ -216,9 +231,10 @@ def goals_of(rows: Sequence[Row]) -> list[str]:
     ours = [row for row in rows if row["method"] == OURS]
     said = []
     for row in ours:
-        n, ratio = row["n"], row["over_lmfit_1"]
-        goal = 0.4 if n <= 10_000 else 0.15
-        said.append(f"certificate at most {goal:g} lmfit-1 at N = {n}: {ratio:.2f}, {verdict(ratio <= goal)}")
+        n, goal = row["n"], 0.4 if row["n"] <= 10_000 else 0.15
+        ways = {"in turns": row["over_lmfit_1"], "each by itself": row["by_itself"]}
+        found = "; ".join(f"{way} {ratio:.2f}, {verdict(ratio <= goal)}" for way, ratio in ways.items())
+        said.append(f"certificate at most {goal:g} lmfit-1 at N = {n}: {found}")
     for row in ours:
         held = row["certified"] == "true" and row["chi2_above_best"] <= MISSED
         said.append(f"certified at N = {row['n']}, and nothing lower found: {verdict(held)}")
