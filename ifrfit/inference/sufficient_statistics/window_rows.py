@@ -76,10 +76,14 @@ class WindowRows:
         return {name: np.concatenate(parts, axis=1) for name, parts in self.parts.items()}
 
     def tables(self, intervals: Mask, series: list[str], *, weighted: bool) -> list[pd.DataFrame]:
-        """The rows of the intervals intervals of each series, (series, bins), in the common schema."""
+        """The rows of some intervals of each series, (series, bins), in the common schema."""
         found = []
-        for name, rows in sorted(self.arrays().items()):
-            rows = rows[:, intervals[rows[_SERIES].astype(np.intp), rows[_PLACE].astype(np.intp)]]
+        for name, parts in sorted(self.parts.items()):
+            chosen = (
+                intervals[part[_SERIES].astype(np.intp), part[_PLACE].astype(np.intp)] for part in parts
+            )
+            # few of many: chosen before they are joined
+            rows = np.concatenate([part[:, kept] for part, kept in zip(parts, chosen, strict=True)], axis=1)
             if rows.shape[1]:
                 columns = {
                     "series": np.array(series, dtype=object)[rows[_SERIES].astype(np.intp)],
