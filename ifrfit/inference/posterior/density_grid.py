@@ -41,7 +41,7 @@ _NEGLECTED = 1e-14  # probability that nodes hold in all whose closure constant 
 _MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 _ROUNDING = 1e-12  # of the largest transition
 _AT_ONCE = 50_000  # values of the density worked on at once
-_CURVED_SLABS = 4  # at most, of a grid with curved rows
+_CURVED_SLABS = 8  # at most, of a grid with curved rows
 
 
 @dataclass(frozen=True)

@@ -152,9 +152,9 @@ NOISY = Question(
     noise="unknown",
 )
 # Bytes: the density 8, polynomials at the nodes with mass 6 to 8, what has a value a node of (e_n,
-# transition) 3 to 4; with curved rows a quarter of the grid is worked on at once, at some 80 bytes a value
+# transition) 3 to 4; with curved rows an eighth of the grid is worked on at once, at some 80 bytes a value
 LIMITS = {
-    "curved rows": (lambda: ifrfit.fit("wang-2020", closure="fr", method="lsq").problem, 32),
+    "curved rows": (lambda: ifrfit.fit("wang-2020", closure="fr", method="lsq").problem, 26),
     "unknown noises": (NOISY.problem, 24),
 }
 
