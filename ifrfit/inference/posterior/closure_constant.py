@@ -119,11 +119,12 @@ def conditional_coordinate(
     """
     squares, noise, row_law, tail = series.squares, series.noise, series.row_law, series.tail
     lower, upper = domain = _domain(series, c, given.e_n, given.x)
-    at, d, curvature, count = _conditional_mode(series, c, given, domain)
+    prior = _log_prior(series, c, given)
+    at, d, curvature, count = _conditional_mode(series, prior, given, domain)
     reference = squares.reference.c
     reach: Array = np.zeros((1, 1, 1))
     if noise is not None and row_law is None:
-        competing = CompetingNoises(squares, noise, c, given, (lower - reference, upper - reference))
+        competing = CompetingNoises(squares, noise, prior, given, (lower - reference, upper - reference))
         places = np.asarray(series.c_places) - reference
         at, d, curvature, reach = competing.likeliest(at, d, curvature, places, tail)
     # rounding leaves a curvature a little below 0 where the constant takes no part
@@ -151,16 +152,35 @@ def conditional_coordinate(
     return ConditionalCoordinate(mode, size, u_max)
 
 
+def _log_prior(series: SeriesIntegral, c: FreeParameter, given: ConditioningValues) -> tuple[Array, Array]:
+    """Slope at the reference, and curvature, of minus the log of normal priors along the closure constant.
+
+    That of mu is one of them where the bound of sticking depends on c, and with it mu at a transition.
+    """
+    slope, curvature = np.zeros((1, 1, 1)), np.zeros((1, 1, 1))
+    k, mu, reference = series.squares.coefficients, series.mu, series.squares.reference.c
+    if c.prior:
+        mean, sd = c.prior
+        slope, curvature = slope + (reference - mean) / sd**2, curvature + 1.0 / sd**2
+    if k.b1 and isinstance(mu, FreeParameter) and mu.prior:
+        mean, sd = mu.prior
+        x = given.x / (1.0 + given.e_n)
+        off, tilt = x * (k.b0 + k.b1 * reference) - mean, x * k.b1
+        slope, curvature = slope + tilt * off / sd**2, curvature + (tilt / sd) ** 2
+    return slope, curvature
+
+
 def _conditional_mode(
-    series: SeriesIntegral, c: FreeParameter, given: ConditioningValues, domain: tuple[Array, Array]
+    series: SeriesIntegral,
+    prior: tuple[Array, Array],
+    given: ConditioningValues,
+    domain: tuple[Array, Array],
 ) -> tuple[Array, Array, Array, float]:
     """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
     squares, noise = series.squares, series.noise
     weight: list[Array | float] = [1.0 / s**2 for s in series.sigma]
     lower, upper = domain
     reference = squares.reference.c
-    added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0
-    mean = c.prior[0] - reference if c.prior else 0.0
     d = np.zeros((1, 1, 1))
     factor = 1.0 if given.noise is None else 1.0 / given.noise**2
     count = 0.0  # rows behind the noises that widen the tails
@@ -168,8 +188,7 @@ def _conditional_mode(
         takes_part = np.ndim(given.squares[number].slope) > 0 or squares.curved_rows[number].size > 0
         count += group.n if takes_part and isinstance(group, NoiseScale) else 0
     for _ in range(_STEPS if not squares.is_quadratic else 1 + (noise is not None)):
-        slope: Array = np.asarray(added * mean)
-        curvature: Array = np.asarray(added)
+        slope, curvature = -prior[0], prior[1]
         at = reference + np.clip(d, lower - reference, upper - reference)
         curved = [_gauss_newton(squares, rows, given, at)[1:] for rows in squares.curved_rows]
         for w, q, (more_slope, more_curvature) in zip(weight, given.squares, curved, strict=True):
@@ -205,7 +224,7 @@ class CompetingNoises:
 
     squares: SumOfSquares
     noise: tuple[Scale, ...]
-    c: FreeParameter
+    prior: tuple[Array, Array]
     given: ConditioningValues
     ends: tuple[Array, Array]
 
@@ -269,10 +288,7 @@ class CompetingNoises:
 
     def _log_density(self, d: Array) -> Array:
         """Log of the density of the constant, up to what does not depend on it."""
-        total: Array = np.zeros((1, 1, 1))
-        if self.c.prior:
-            mean, sd = self.c.prior
-            total = -0.5 * ((d - (mean - self.squares.reference.c)) / sd) ** 2
+        total = -d * (self.prior[0] + 0.5 * self.prior[1] * d)
         for number, own in enumerate(self.noise):
             square, _, _ = self._group(number, d)
             if np.ndim(square):
@@ -293,11 +309,7 @@ class CompetingNoises:
 
     def _step(self, d: Array) -> tuple[Array, Array]:
         """A Gauss-Newton step, each noise at its likeliest, and the curvature of minus the log density."""
-        slope: Array = np.zeros((1, 1, 1))
-        curvature: Array = np.zeros((1, 1, 1))
-        if self.c.prior:
-            mean, sd = self.c.prior
-            slope, curvature = slope + (mean - self.squares.reference.c - d) / sd**2, curvature + 1.0 / sd**2
+        slope, curvature = -self.prior[0] - self.prior[1] * d, self.prior[1]
         for number, own in enumerate(self.noise):
             square, down, steep = self._group(number, d)
             if not np.ndim(square):
