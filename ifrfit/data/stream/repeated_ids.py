@@ -14,9 +14,10 @@ _SAME = 0.5  # degrees that readings of one impact may differ by, as in a table 
 
 
 def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells, str]:
-    """A table without its impact_id, where one of these stands at two angles, and what is said then.
+    """A table without its impact_id, where one of these stands at two angles, and what is said of ids.
 
-    Such an id names no single impact. Any other table is returned as it is, and nothing is said.
+    Such an id names no single impact. Any other table is returned as it is, and of ids that repeat at one
+    angle it is said that each row counts.
     """
     layout = identify(cells, conventions)
     if not layout.has("impact_id") or not (layout.has("gamma") or layout.has("tan_gamma")):
@@ -27,7 +28,15 @@ def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells,
     start = given[first[impact]]
     differs = np.flatnonzero(np.abs(gamma[given] - gamma[start]) > _SAME)
     if not differs.size:
-        return cells, ""
+        again = np.flatnonzero(start != given)
+        if not again.size:
+            return cells, ""
+        return cells, (
+            f"column {layout.header('impact_id')}: '{ids[given[again[0]]]}' stands in several rows at one "
+            "angle. If these are readings of one impact, they are no more than one: each row is counted here, "
+            "so that standard deviations are too small. Leave one reading an impact, or fit a part that is "
+            "held in memory"
+        )
     row, other = given[differs[0]], start[differs[0]]
     at = layout.columns["impact_id"].index
     kept = replace(

@@ -167,16 +167,36 @@ def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.o
     )
 
 
+def _fit_of_rows(statistics: FitStatistics, sample: FitResult | DataError, of_means: Fact) -> Fact | None:
+    """What rows say of the fit beside the means; None for nothing more than these.
+
+    Impacts that are all in the sample say it themselves: means of few tell little, and copies of a row, which
+    do not scatter, make any departure large. Under a closure without hope no row is looked at: chi2 is.
+    """
+    if isinstance(sample, DataError):
+        p = statistics.p_value
+        if not of_means.ok or p is None or p >= REFUTED:
+            return None
+        says = f"the data contradict one set of constants (p = {p:.2g}, chi2)"
+        return Fact(False, says, {"p": p, "test": "chi2"}, FACTS["lack_of_fit"])
+    own = sample.facts.get("lack_of_fit")
+    return own if sample.fit.n == statistics.n else None
+
+
 def facts_of_all(
     problem: Problem,
     optimum: LeastSquaresFit,
     result: FitResult,
+    statistics: FitStatistics,
     estimation: Estimation,
     sample: FitResult | DataError,
     kinds: NDArray[np.object_],
     seed: int,
 ) -> dict[str, Fact]:
-    """Of the optimum and of the method those of all impacts, the others those of the sample."""
+    """Of the optimum and of the method those of all impacts, the others those of the sample.
+
+    `result` is that of condensed rows, `statistics` are those of all impacts.
+    """
     shared = pooling(problem, optimum)
     if not isinstance(sample, DataError) and _has_slipped(sample):
         shared = None  # single rows tell whether the slip explains as much as series that differ
@@ -193,7 +213,8 @@ def facts_of_all(
         problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
     )
     own["at_bound"] = at_bound(result.constants)
-    own["lack_of_fit"] = _lack_of_fit(problem, optimum, kinds)
+    of_means = _lack_of_fit(problem, optimum, kinds)
+    own["lack_of_fit"] = _fit_of_rows(statistics, sample, of_means) or of_means
     if isinstance(sample, DataError):
         return own
     scatter = sample.facts.get("lack_of_fit")

@@ -250,14 +250,17 @@ def _estimated(
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
+    statistics = replace(
+        statistics_of_all(problem, optimum, result, of, correction),
+        log_evidence=None if evidence is None else evidence + correction.of_evidence,
+    )
     condensed = replace(
         result,
         inputs=(source,),
-        fit=replace(
-            statistics_of_all(problem, optimum, result, of, correction),
-            log_evidence=None if evidence is None else evidence + correction.of_evidence,
+        fit=statistics,
+        facts=Deferred(
+            lambda: facts_of_all(problem, optimum, result, statistics, estimation, looked_at, kinds, seed)
         ),
-        facts=Deferred(lambda: facts_of_all(problem, optimum, result, estimation, looked_at, kinds, seed)),
         warnings=(
             *result.warnings,
             *warnings_of(of, source),

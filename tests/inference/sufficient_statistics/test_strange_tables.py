@@ -373,3 +373,30 @@ def test_the_rmse_is_that_in_memory_or_none(folder, noise, even):
         assert streamed == pytest.approx(held, rel=1e-9)
     else:  # weighted sums do not tell it
         assert np.isnan(streamed)
+
+
+def test_a_copied_row_is_no_lack_of_fit(folder):
+    """A narrow interval that holds a row and its copy has no scatter: "departs by 2e5 times the noise"."""
+    table = impacts(60, 1, spin=0.0)
+    written(folder, pd.concat([table, table.iloc[:1]], ignore_index=True))
+    streamed, held = ifrfit.fit(folder, method="lsq"), ifrfit.fit(folder / "a.csv", method="lsq")
+    assert held.facts["lack_of_fit"].ok
+    assert streamed.facts["lack_of_fit"].says == held.facts["lack_of_fit"].says
+
+
+@pytest.mark.parametrize("names", [("fr", "f"), ("ifr-contact", "f")])
+def test_a_closure_without_hope_is_refuted_by_few_rows_too(folder, names):
+    """FR was refuted and F, far behind it, was not: means of few rows had no power."""
+    written(folder, impacts(100, 4, sigma=0.002)[["gamma_deg", "beta", "sigma_beta"]])
+    asked = {"fix": {"e_n": 0.9}, "loo": False}
+    streamed, held = (ifrfit.compare(data, names, **asked) for data in (folder, folder / "a.csv"))
+    assert (streamed.verdict.kind, streamed.verdict.says) == (held.verdict.kind, held.verdict.says)
+    ps = [[each.p_of_fit(entry) for entry in each.entries.values()] for each in (streamed, held)]
+    assert ps[0] == pytest.approx(ps[1], rel=1e-6)
+
+
+def test_readings_of_one_impact_are_told(folder):
+    table = impacts(100, 2).assign(impact_id=np.arange(100))
+    again = table.assign(beta=table["beta"] + 0.001)
+    written(folder, pd.concat([table, again], ignore_index=True))
+    assert any("stands in several rows at one angle" in said for said in ifrfit.fit(folder).warnings)
