@@ -33,7 +33,7 @@ def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells,
             return cells, ""
         return cells, (
             f"column {layout.header('impact_id')}: '{ids[given[again[0]]]}' stands in several rows at one "
-            "angle. If these are readings of one impact, they are no more than one: each row is counted here, "
+            "angle. If these are readings of one impact, they are one: each row is counted here, "
             "so that standard deviations are too small. Leave one reading an impact, or fit a part that is "
             "held in memory"
         )
