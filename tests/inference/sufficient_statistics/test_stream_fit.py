@@ -11,6 +11,7 @@ from streams import folder_of, impacts
 
 import ifrfit
 from ifrfit.data.stream import files as stream_files_module
+from ifrfit.data.stream import sample as sample_module
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.result.restore import question
 from ifrfit.inference.result.types import Estimate
@@ -185,13 +186,15 @@ def test_a_result_of_many_keeps_a_sample(tmp_path, noise):
         question(again)
 
 
-def test_scatter_larger_than_its_sigma_is_no_fit(tmp_path):
+@pytest.mark.parametrize("size", [20_000, 1000])
+def test_scatter_larger_than_its_sigma_is_no_fit(tmp_path, monkeypatch, size):
+    monkeypatch.setattr(sample_module, "SAMPLE", size)
     table = impacts(3000)
     table["sigma_beta"] /= 2.0
     fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
     assert fit.fit.p_value < 1e-6
     assert not fit.facts["lack_of_fit"].ok
-    assert fit.facts["lack_of_fit"].says.startswith("in a sample of ")
+    assert fit.facts["lack_of_fit"].says.startswith("in a sample of ") == (size < len(table))
 
 
 def test_what_is_assumed_is_as_in_memory(tmp_path):
