@@ -25,6 +25,10 @@ def refuses(estimator: Estimator, problem: Problem) -> str:
     )
 
 
+def _called(estimator: Estimator) -> str:
+    return f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
+
+
 def refuses_prior(estimator: Estimator, problem: Problem) -> str:
     """Why a method does not know a prior of the problem; empty where it does.
 
@@ -33,9 +37,9 @@ def refuses_prior(estimator: Estimator, problem: Problem) -> str:
     shaped = [f"{one.name}={one.shape}" for one in problem.parameters if one.shape is not None]
     if not shaped or getattr(estimator, "takes_every_prior", False):
         return ""
-    name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
     return (
-        f"{name} knows normal and uniform priors only, not --prior {shaped[0]}: use --method exact or mcmc."
+        f"{_called(estimator)} knows normal and uniform priors only, not --prior {shaped[0]}: use --method "
+        "exact or mcmc."
     )
 
 
@@ -48,8 +52,7 @@ def refuses_tie(estimator: Estimator, problem: Problem) -> str:
         return ""
     said = "--tie '" + "=".join(next(iter(problem.parameters.ties.expressions.items()))) + "'"
     if not getattr(estimator, "takes_ties", False):
-        name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
-        return f"{name} does not know {said}: use --method mcmc or lsq."
+        return f"{_called(estimator)} does not know {said}: use --method mcmc or lsq."
     if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
         return f"--accuracy and --budget do not know what {said} costs: leave them out."
     if not problem.error_model.is_plain or problem.offset is not None:
@@ -71,8 +74,7 @@ def refuses_offset(estimator: Estimator, problem: Problem) -> str:
     if problem.offset is None:
         return ""
     if not getattr(estimator, "fits_angle_offset", False):
-        name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
-        return f"{name} fits no angle offset: use --method exact with --angle-offset."
+        return f"{_called(estimator)} fits no angle offset: use --method exact with --angle-offset."
     if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
         return "--accuracy and --budget do not know what an angle offset costs: leave them out."
     return ""
