@@ -24,7 +24,7 @@ from ifrfit.inference.result.types import Fact
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Sample
 
-COARSE = 1e-3  # tolerance where the error model is not plain: every node costs all rows
+COARSE = 1e-3  # tolerance where every node costs rows: curved ones, or all beside an error model
 CHAINS = "chains.npz"
 _LOST, _FEWEST = (
     1.0,
@@ -53,7 +53,8 @@ def exact_estimation(
     integrator, seed
         As `ifrfit.inference.posterior.exact_posterior`.
     """
-    tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
+    sums_are_few = problem.error_model.is_plain and not problem.rows.has_kind("curved")
+    tolerance = TOLERANCE if sums_are_few else COARSE
     posterior = exact_posterior(problem, tolerance, optimum, integrator=integrator, seed=seed)
 
     def of_other(other: Problem) -> float:

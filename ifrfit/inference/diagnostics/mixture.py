@@ -27,6 +27,7 @@ _LEAST = 3  # impacts of either kind
 _STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
 _STEPS = 30
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
+_SPREADS = 25  # of a constant, at which the likelihood of its scatter is compared at a time
 _LOOSE = 1e-6
 
 
@@ -167,11 +168,14 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
         logs = float(np.log1p(t2 * strength).sum())
         return logs + (square if problem.noise.is_known else n * math.log(square / n) + n)
 
-    start = math.log(spread)
-    from scipy.optimize import minimize_scalar  # 0.2 s, and few tables look like a mixture
-
-    found = minimize_scalar(minus, bounds=(start - 4.0, start + 3.0), method="bounded")
-    return max((total if problem.noise.is_known else n * math.log(total / n) + n) - float(found.fun), 0.0)
+    places = math.log(spread) + np.linspace(-4.0, 3.0, _SPREADS)
+    for _ in range(2):  # the second time between the neighbours of the best
+        values = [minus(place) for place in places.tolist()]
+        best = int(np.argmin(values))
+        ends = places[[max(best - 1, 0), min(best + 1, _SPREADS - 1)]]
+        places = np.linspace(*ends, _SPREADS)
+    without = total if problem.noise.is_known else n * math.log(total / n) + n
+    return max(without - min(values), 0.0)
 
 
 def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -> _Kinds | None:
