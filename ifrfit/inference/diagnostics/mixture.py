@@ -172,8 +172,7 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
     for _ in range(2):  # the second time between the neighbours of the best
         values = [minus(place) for place in places.tolist()]
         best = int(np.argmin(values))
-        ends = places[[max(best - 1, 0), min(best + 1, _SPREADS - 1)]]
-        places = np.linspace(*ends, _SPREADS)
+        places = np.linspace(places[max(best - 1, 0)], places[min(best + 1, _SPREADS - 1)], _SPREADS)
     without = total if problem.noise.is_known else n * math.log(total / n) + n
     return max(without - min(values), 0.0)
 

@@ -96,9 +96,7 @@ class GridSettings:
     @property
     def kink_distance(self) -> float:
         """Distance, in sd, below which two kinks go into one panel; refinement sees to what that leaves."""
-        return next(
-            (d for d, least in ((0.6, 1e-2), (0.2, 1e-5)) if self.tolerance >= least), 0.02
-        )
+        return next((d for d, least in ((0.6, 1e-2), (0.2, 1e-5)) if self.tolerance >= least), 0.02)
 
     @property
     def tail(self) -> float:
