@@ -5,12 +5,20 @@ from __future__ import annotations
 import ast
 import doctest
 import inspect
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
 
 import ifrfit
 
+OF_PARTS = ("p_of_fit", "problem_and_optimum")  # what reports ask of a result
+METHODS = [
+    f"{of.__name__}.{name}"
+    for of in (ifrfit.FitResult, ifrfit.Comparison)
+    for name, member in vars(of).items()
+    if inspect.isfunction(member) and not name.startswith("_") and name not in OF_PARTS
+]
 NAMES = sorted(name for name in ifrfit.__all__ if not name.startswith("_"))
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
 
@@ -22,13 +30,24 @@ def test_names_are_those_of_the_stub():
     assert len(NAMES) >= 28
 
 
+def examples_run(name, text):
+    """How many examples a docstring has, which say what they print."""
+    found = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    said: list[str] = []
+    result = doctest.DocTestRunner(optionflags=OPTIONS).run(found, out=said.append)
+    assert result.failed == 0, "".join(said)
+    return len(found.examples)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_example_runs(name):
     text = inspect.getdoc(getattr(ifrfit, name)) or ""
     assert "\nExamples\n--------\n>>> import ifrfit\n" in text, f"{name} has no example"
     assert text.rpartition("\nExamples\n")[2].count("\n---") <= 1, f"the example of {name} comes last"
-    found = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
-    assert len(found.examples) >= 2
-    said: list[str] = []
-    result = doctest.DocTestRunner(optionflags=OPTIONS).run(found, out=said.append)
-    assert result.failed == 0, "".join(said)
+    assert examples_run(name, text) >= 2
+
+
+@pytest.mark.parametrize("path", METHODS)
+def test_the_examples_of_methods_run(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert examples_run(path, inspect.getdoc(attrgetter(path)(ifrfit))) >= 2

@@ -299,6 +299,16 @@ class Comparison(Display):
         DataFrame
             Index closure; free, rank, chi2, aic, aicc, bic, log_evidence, log_bayes_factor, probability,
             lack_of_fit_p, elpd_loo, elpd_difference, se_difference, largest_pareto_k; nan where not defined.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> both = ifrfit.compare("cornell-glass", ["ifr", "fr"], loo=False)
+        >>> both.table()["log_evidence"].round(1)
+        closure
+        ifr    60.6
+        fr     60.4
+        Name: log_evidence, dtype: float64
         """
         import pandas as pd
 
@@ -326,7 +336,15 @@ class Comparison(Display):
         return table.astype(dict.fromkeys(table.columns.difference(["free", "rank"]), float))
 
     def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of compare.json: only str, int, float, bool, None, list and dict."""
+        """Exactly the content of compare.json: only str, int, float, bool, None, list and dict.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> both = ifrfit.compare("cornell-glass", ["ifr", "fr"], loo=False)
+        >>> list(both.to_dict()["closures"])
+        ['ifr', 'fr']
+        """
         fits = {name: entry.fit.to_dict() for name, entry in self.entries.items()}
         best = fits[self.ranked[0]]
         return {
@@ -343,7 +361,14 @@ class Comparison(Display):
         }
 
     def save(self, path: str | Path) -> None:
-        """Write compare.json; it appears whole or not at all."""
+        """Write compare.json; it appears whole or not at all.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> both = ifrfit.compare("cornell-glass", ["ifr", "fr"], loo=False)
+        >>> both.save("compare.json")
+        """
         write_json(self.to_dict(), Path(path))
 
 

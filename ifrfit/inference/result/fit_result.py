@@ -99,6 +99,15 @@ class FitResult(Findings, Display):
         -------
         DataFrame
             n rows; a column a constant, with the series in brackets where separate, and kappa.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> import numpy as np
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> drawn = fit.draws(2000, np.random.default_rng(1))
+        >>> list(drawn), bool((drawn.mu > 0.07).mean() > 0.95)
+        (['e_n', 'e_t', 'mu', 'kappa'], True)
         """
         return draw(self, n, rng)
 
@@ -146,6 +155,16 @@ class FitResult(Findings, Display):
         ------
         UsageError
             For an unknown observable or series.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> table = fit.predict([20.0, 60.0], observable="spin_y_after", bands=False)
+        >>> table[["gamma_deg", "value"]].round(3)
+           gamma_deg  value
+        0       20.0 -0.350
+        1       60.0 -0.242
         """
         return predict(
             self,
@@ -175,6 +194,17 @@ class FitResult(Findings, Display):
         UsageError
             For a result without its problem, which was read from a file or is of rows that were not held in
             memory. For a scatter that profiles do not know.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> table = fit.intervals()
+        >>> table.loc["mu", ["covariance_low", "profile_low", "exact_low"]].astype(float).round(3)
+        covariance_low    0.074
+        profile_low       0.075
+        exact_low         0.072
+        Name: mu, dtype: float64
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
         from ifrfit.inference.model.common_errors import refuse
@@ -212,6 +242,14 @@ class FitResult(Findings, Display):
         ------
         UsageError
             Without ArviZ, for a method without a posterior, or for a result that was read from a file.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> tree = fit.to_arviz()
+        >>> sorted(tree.children)
+        ['log_likelihood', 'observed_data', 'posterior', 'sample_stats']
         """
         return to_arviz(self)
 
@@ -227,15 +265,40 @@ class FitResult(Findings, Display):
         ------
         UsageError
             For a constant that the data do not determine.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> constants = fit.to_uncertainties()
+        >>> f"{constants['mu'] * (1 + constants['e_n']):.2u}"  # kappa, with what both share
+        '0.177+/-0.017'
         """
         return with_uncertainties(self.constants, self.correlation.names, self.correlation.matrix)
 
     def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of result.json."""
+        """Exactly the content of result.json.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.to_dict()["constants"]["mu"]["status"]
+        'determined'
+        """
         return to_dict(self)
 
     def save(self, path: str | Path) -> None:
-        """Write result.json; it appears whole or not at all."""
+        """Write result.json; it appears whole or not at all.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.save("result.json")
+        >>> ifrfit.load_result("result.json").constants.mu == fit.constants.mu
+        True
+        """
         write_json(self.to_dict(), Path(path))
 
     def export(
@@ -288,7 +351,15 @@ class FitResult(Findings, Display):
         return self._export(target, draws=draws, angle=angle, speed=speed, series=series, fix=fix, seed=seed)
 
     def summary(self, style: str = "text") -> str:
-        """Table of the findings as "text", "markdown" or "latex"."""
+        """Table of the findings as "text", "markdown" or "latex".
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> print(fit.summary("markdown").splitlines()[0])
+        | constant | value | 95 % interval | status |
+        """
         return self._renderer().summary(self, style)
 
     def plot(self, ax: Any = None, *, observable: str | None = None) -> Any:
@@ -310,6 +381,15 @@ class FitResult(Findings, Display):
         ------
         UsageError
             For an observable that is not in the fit.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> from matplotlib.figure import Figure
+        >>> ax = Figure().add_subplot()
+        >>> fit.plot(ax, observable="beta_cm") is ax
+        True
         """
         if ax is None and observable is None:
             return self._renderer().plot(self)
@@ -322,6 +402,13 @@ class FitResult(Findings, Display):
         -------
         Axes
             `ax`, or new ones.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.plot_residuals(observable="beta_cm").get_ylabel()
+        'residual (σ)'
         """
         return self._renderer().plot_residuals(self, ax, observable)
 
@@ -337,6 +424,13 @@ class FitResult(Findings, Display):
         Returns
         -------
         ndarray of Axes, (k, k)
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.plot_corner(names=["e_t", "mu"]).shape
+        (2, 2)
         """
         return self._renderer().plot_corner(self, axes, names)
 
@@ -351,6 +445,13 @@ class FitResult(Findings, Display):
         ------
         UsageError
             For a name that does not exist, and as `intervals` for a result without its problem.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.plot_profile("mu").get_xlabel()
+        'mu'
         """
         return self._renderer().plot_profile(self._profile(name), ax)
 
@@ -365,6 +466,13 @@ class FitResult(Findings, Display):
         ------
         UsageError, DataError
             As `compare`.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.plot_compare().get_xlabel().splitlines()[0]
+        'log Bayes factor against the best (bars)'
         """
         return self._renderer().plot_compare(self._comparison(), ax)
 
@@ -397,6 +505,12 @@ class FitResult(Findings, Display):
         ------
         UsageError
             For another suffix, or where something else lies there.
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> fit.report("report.html")
         """
         renderer, path = self._renderer(), Path(path)
         renderer.check_report(path)
@@ -407,5 +521,14 @@ class FitResult(Findings, Display):
 
     @property
     def lmfit_result(self) -> Any:
-        """The same optimum as an ``lmfit.minimizer.MinimizerResult`` (imports lmfit)."""
+        """The same optimum as an ``lmfit.minimizer.MinimizerResult`` (imports lmfit).
+
+        Examples
+        --------
+        >>> import ifrfit
+        >>> fit = ifrfit.fit("cornell-glass")
+        >>> found = fit.lmfit_result
+        >>> abs(found.params["mu"].value - 0.0933) < 1e-4
+        True
+        """
         return minimizer_result(self)
