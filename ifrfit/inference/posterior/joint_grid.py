@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors, density_on_grid
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
+from ifrfit.inference.posterior.likelihood_times_prior import density_on_grid
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
-from ifrfit.inference.posterior.density_grid import DensityGrid, Nodes
+from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import (
@@ -26,6 +26,7 @@ from ifrfit.inference.posterior.marginals import (
     shared_kappa_marginal,
     shared_marginal,
 )
+from ifrfit.inference.posterior.nodes import Nodes
 from ifrfit.inference.posterior.parameter_marginals import friction_cdf, kappa_marginal, series_marginal
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import TransitionKnown

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.posterior.density_grid import PanelErrors, Quantity
+from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.nodes import Quantity
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import (
     PanelCdf,

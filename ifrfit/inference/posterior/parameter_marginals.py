@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.posterior.density_grid import DensityGrid, Nodes, PanelErrors, Quantity
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments
+from ifrfit.inference.posterior.nodes import Nodes, Quantity
 from ifrfit.inference.posterior.quadrature_axis import PanelCdf, QuadratureAxis
 from ifrfit.inference.posterior.series_integral import ClosureConstantFree, RestitutionFree, sticking_bound
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_AT_ONCE = 50_000  # values of a density worked on at once
+
 
 @dataclass(frozen=True)
 class Slab:
@@ -32,7 +34,7 @@ class Slab:
         return values if values.shape[at] == 1 else values[(slice(None),) * at + (self.nodes,)]
 
 
-def slabs_of(shape: Sequence[int], size: int, at_once: int) -> list[Slab]:
+def slabs_of(shape: Sequence[int], size: int, at_least: int = 0) -> list[Slab]:
     """Slabs along the longest axis of a grid.
 
     Parameters
@@ -41,11 +43,11 @@ def slabs_of(shape: Sequence[int], size: int, at_once: int) -> list[Slab]:
         Nodes along (outer nodes, e_n, transition).
     size : int
         Values on the whole grid.
-    at_once : int
-        Values of a slab, about.
+    at_least : int
+        Values of a slab where these are more than usual.
     """
     axis = int(np.argmax(shape))
-    count = max(1, min(shape[axis] // 2, size // at_once))
+    count = max(1, min(shape[axis] // 2, size // max(_AT_ONCE, at_least)))
     if count == 1:
         return [Slab(axis, slice(None))]
     ends = np.linspace(0, shape[axis], count + 1).astype(int)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
+from ifrfit.inference.posterior.slabs import Slab, slabs_of
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients, Law
 from ifrfit.physics.observable import scale_factor
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]  # of columns, in the order of the products
 _BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
 _MANY = 10_000_000  # values of curved rows from which it pays to look for a polynomial
+_CURVED_SLABS = 8  # at most, of a grid with curved rows
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
 
@@ -260,6 +262,17 @@ class SumOfSquares:
         if friction.curvature and self.coefficients.b1:
             square = square + friction.at(mu - self.reference.mu)
         return square
+
+    def slabs(self, shape: Sequence[int], size: int) -> list[Slab]:
+        """Slabs of a grid of (outer nodes, e_n, transition), with `size` values in all, for these sums.
+
+        Where polynomials stand for curved rows, eq. (13), these are found for each slab: few of them, and
+        none along e_n.
+        """
+        m, _, n_x = shape
+        if self.is_quadratic or max(m, n_x) == 1:
+            return slabs_of(shape, size)
+        return slabs_of((m, 1, n_x), size, size // _CURVED_SLABS)
 
     def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
         """Weighted residuals of curved rows, (..., rows)."""

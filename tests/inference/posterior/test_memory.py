@@ -180,7 +180,7 @@ def test_slabs_of_e_n_are_the_whole(monkeypatch: pytest.MonkeyPatch, closure, ob
     gamma = [20.0, 35.0, 50.0, 65.0, 80.0]
     rows = measured(observable, gamma, seed=2, sigma=0.05, c=-0.66, mu=0.5, e_n=0.6)
     problem = Question(rows, closure, prior=prior).problem()
-    module = importlib.import_module("ifrfit.inference.posterior.density_grid")
+    module = importlib.import_module("ifrfit.inference.posterior.slabs")
     whole = integrate(problem, tolerance=1e-2)
     monkeypatch.setattr(module, "_AT_ONCE", 1000)
     parts = integrate(problem, tolerance=1e-2)
