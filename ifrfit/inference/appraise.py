@@ -15,9 +15,8 @@ from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
-from ifrfit.inference.distributions.marginal_density import has_density, marginal_density, marginal_window
+from ifrfit.inference.distributions.marginal_density import marginal_densities
 from ifrfit.inference.estimators import Exact
-from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.fit_result import FitResult
@@ -26,11 +25,7 @@ from ifrfit.inference.result.restore import question
 from ifrfit.physics.observables import OBSERVABLES
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ifrfit.inference.comparison.result import Comparison
-    from ifrfit.inference.distributions.marginal_density import MarginalDensity
-    from ifrfit.inference.model.parameters import Parameter
     from ifrfit.inference.model.problem import Problem
     from ifrfit.inference.optimize.least_squares import LeastSquaresFit
     from ifrfit.inference.profile.types import ProfileLikelihood
@@ -84,34 +79,8 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
         table,
         comparison,
         without_comparison,
-        {} if posterior is None else _densities(result, posterior, draws),
+        {} if posterior is None else marginal_densities(posterior, result.asked, draws),
     )
-
-
-def _densities(
-    result: FitResult, posterior: ExactPosterior, draws: pd.DataFrame
-) -> dict[str, MarginalDensity]:
-    """Marginal densities of the free constants and of kappa, where all but a few draws lie."""
-    if not has_density(posterior):
-        return {}
-    asked = {each.name: each for each in result.asked}
-    found = {}
-    for name in posterior.names:
-        support = _support(quantity_of(name), asked)
-        if name in draws and support is not None and draws[name].std() > 0.0:
-            own = draws[name].to_numpy(dtype=float)
-            found[name] = marginal_density(posterior, name, marginal_window(own), support)
-    return found
-
-
-def _support(quantity: str, asked: Mapping[str, Parameter]) -> tuple[float, float] | None:
-    """Values that a constant or kappa may have; None where nobody says."""
-    if quantity in asked:
-        return asked[quantity].ends
-    if quantity == "kappa" and {"e_n", "mu"} <= asked.keys():
-        (e_low, e_high), (low, high) = asked["e_n"].ends, asked["mu"].ends
-        return low * (1.0 + e_low), high * (1.0 + e_high)
-    return None
 
 
 def _beyond_memory(result: FitResult) -> str:

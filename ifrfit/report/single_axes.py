@@ -9,13 +9,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison.result import Comparison
+from ifrfit.inference.distributions.marginal_density import MarginalDensity, marginal_densities
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Interval
 from ifrfit.report import panels
+from ifrfit.report.axis_words import symbol
 from ifrfit.report.comparison.figure import draw_evidence
+from ifrfit.report.credible_regions import contours, regions
 from ifrfit.report.regimes import at_true_angles, has_angle
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES, series_styles
 from ifrfit.text import joined, meant
@@ -23,10 +28,11 @@ from ifrfit.text import joined, meant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Array = NDArray[np.float64]
+
 DRAWS = 20_000
-SHARES = (0.68, 0.95)  # of the draws inside a contour
-CELLS = 50  # a side of the grid behind contours
-SMOOTH = 1.2  # cells
+SHARES = (0.68, 0.95)
+CELLS = 50  # of a histogram
 
 
 def plot_data(result: FitResult, axes: Axes | None = None, observable: str | None = None) -> Axes:
@@ -46,7 +52,9 @@ def plot_residuals(result: FitResult, axes: Axes | None = None, observable: str 
 
 
 def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None = None) -> Any:
-    """Marginals of draws on the diagonal, contours that hold 68 and 95 % of them below.
+    """Marginals on the diagonal, below them the draws with contours that hold 68 and 95 %.
+
+    A law that knows its own density has it on the diagonal, one of draws their histogram.
 
     Parameters
     ----------
@@ -88,13 +96,21 @@ def plot_corner(result: FitResult, axes: Any = None, names: Sequence[str] | None
         _drawable(each)
     values = {name: draws[name].to_numpy(dtype=float) for name in chosen}
     windows = {name: _window(values[name]) for name in chosen}
+    densities = marginal_densities(result.distribution, result.asked, values)
     for i, below in enumerate(chosen):
         for j, across in enumerate(chosen):
-            _draw_pair(grid[i, j], i - j, values[across], values[below], windows[across], windows[below])
+            if j > i:
+                grid[i, j].set_axis_off()
+                continue
+            grid[i, j].set_xlim(*windows[across])
+            if i == j:
+                _draw_marginal(grid[i, j], values[across], windows[across], densities.get(across))
+            else:
+                _draw_pair(grid[i, j], values[across], values[below], windows[across], windows[below])
             if i == k - 1:
-                grid[i, j].set_xlabel(across)
+                grid[i, j].set_xlabel(symbol(across))
             if j == 0 < i:
-                grid[i, j].set_ylabel(below)
+                grid[i, j].set_ylabel(symbol(below))
     return grid
 
 
@@ -109,7 +125,7 @@ def plot_profile(profile: ProfileLikelihood, axes: Axes | None = None) -> Axes:
         axes.annotate(f"{100 * level:.0f} %", at, xycoords=("axes fraction", "data"), ha="right", va="bottom")
     axes.plot([profile.value], [0.0], "o", color=COLOURS[0], clip_on=False)
     axes.set_ylim(0.0, top)
-    axes.set_xlabel(profile.name)
+    axes.set_xlabel(symbol(profile.name))
     axes.set_ylabel("rise of the misfit")
     return axes
 
@@ -121,34 +137,33 @@ def plot_compare(comparison: Comparison, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def _window(values: Any) -> Any:
+def _window(values: Array) -> Interval:
     """Where all but a few draws are; about the one value that most of them have, where they have."""
     low, high = np.quantile(values, (0.001, 0.999))
     room = 1e-6 * max(1.0, abs(low)) if high <= low else 0.0
-    return np.array([low - room, high + room])
+    return float(low - room), float(high + room)
 
 
-def _draw_pair(axes: Axes, below: int, x: Any, y: Any, across: Any, along: Any) -> None:
-    """The cell of a corner plot: nothing above the diagonal, a histogram on it, contours below."""
-    if below < 0:
-        axes.set_axis_off()
-        return
-    axes.set_xlim(*across)
-    if below == 0:
-        axes.hist(x, bins=CELLS, range=tuple(across), histtype="step", color=COLOURS[0], density=True)
-        axes.set_yticks([])
-        return
-    from scipy.ndimage import gaussian_filter
+def _draw_marginal(axes: Axes, values: Array, window: Interval, density: MarginalDensity | None) -> None:
+    """The density, or a histogram of the draws."""
+    if density is None:
+        axes.hist(values, bins=CELLS, range=window, histtype="step", color=COLOURS[0], density=True)
+    else:
+        axes.plot(density.middles, density.density, color=COLOURS[0])
+        axes.set_ylim(0.0, None)
+    axes.set_yticks([])
 
+
+def _draw_pair(axes: Axes, x: Array, y: Array, across: Interval, along: Interval) -> None:
+    """Some of the draws, and the lines around most of all of them."""
     axes.set_ylim(*along)
-    counts, edges_x, edges_y = np.histogram2d(x, y, bins=CELLS, range=[across, along])
-    counts = gaussian_filter(counts, SMOOTH)
-    ordered = np.sort(counts.ravel())[::-1]
-    held = np.cumsum(ordered) / ordered.sum()
-    levels = sorted({float(ordered[int(np.searchsorted(held, share))]) for share in SHARES})
-    middle = 0.5 * (edges_x[1:] + edges_x[:-1]), 0.5 * (edges_y[1:] + edges_y[:-1])
     axes.plot(x[::20], y[::20], ls="none", marker=".", ms=1.0, color=COLOURS[0], alpha=0.3, zorder=1)
-    axes.contour(*middle, counts.T, levels=levels, colors=COLOURS[0], linewidths=1.0)
+    found = regions(x, y, across, along)
+    if found is None:
+        return
+    for level in found.levels:
+        for line in contours(found, level):
+            axes.plot(line[:, 0], line[:, 1], color=COLOURS[0], lw=1.0)
 
 
 def _drawn(result: FitResult, observable: str | None) -> tuple[FitResult, str]:

@@ -53,7 +53,7 @@ def test_profile(fit, ax):
     assert rise.min() == pytest.approx(0.0, abs=1e-9)
     best = fit.least_squares.optimum.theta[2]
     assert x[np.argmin(rise)] == pytest.approx(best, abs=fit.constants.mu.stderr / 20.0)
-    assert ax.get_xlabel() == "mu"
+    assert ax.get_xlabel() == r"$\mu$"
     assert {text.get_text() for text in ax.texts} == {"68 %", "95 %"}
     with pytest.raises(UsageError, match=r"no profile of 'kapa'.*Did you mean kappa\?"):
         fit.plot_profile("kapa", ax=ax)
@@ -67,7 +67,7 @@ def test_compare(fit, ax):
 def test_corner(fit):
     figure, axes = pyplot.subplots(3, 3)
     assert fit.plot_corner(axes) is not None
-    assert axes[2, 2].get_xlabel() == "mu"
+    assert axes[2, 2].get_xlabel() == r"$\mu$"
     low, high = axes[2, 2].get_xlim()
     assert low < fit.constants.mu.interval95[0] < fit.constants.mu.interval95[1] < high
     assert not axes[0, 1].axison
@@ -77,6 +77,17 @@ def test_corner(fit):
         fit.plot_corner(names=["x"])
     pyplot.close(figure)
     pyplot.close(fit.plot_corner(names="kappa")[0, 0].figure)
+
+
+def test_a_corner_has_the_density_that_was_integrated_or_the_draws(fit):
+    (line,) = fit.plot_corner(names=["mu"])[0, 0].lines
+    x, density = line.get_data()
+    below = fit.distribution.cdf("mu", np.array([x[0], x[-1]]))
+    assert np.trapezoid(density, x) == pytest.approx(np.diff(below).item(), abs=1e-3)
+    assert x[np.argmax(density)] == pytest.approx(fit.constants.mu.value, abs=0.2 * fit.constants.mu.stderr)
+    (steps,) = ifrfit.fit("cornell-glass", method="bootstrap").plot_corner(names=["mu"])[0, 0].patches
+    assert steps.get_xy().shape[0] > 90
+    pyplot.close("all")
 
 
 def test_style_is_the_users(fit):

@@ -11,6 +11,7 @@ from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row
 from ifrfit.campaign.population import Population
 from ifrfit.campaign.report.text import between, counts, warnings
 from ifrfit.campaign.run import Campaign
+from ifrfit.report.axis_words import shortened, symbol
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.charts.chart import (
     Axis,
@@ -20,8 +21,6 @@ from ifrfit.report.page.charts.chart import (
     Mark,
     Points,
     lines_panel,
-    shortened,
-    symbol,
 )
 from ifrfit.report.page.html import asset, fill
 from ifrfit.report.style import COLOURS

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import Distribution
+from ifrfit.inference.model.entry_names import quantity_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -74,3 +81,37 @@ def marginal_window(draws: Array, ends: Sequence[float] = ()) -> tuple[float, fl
 def has_density(distribution: Distribution) -> bool:
     """Whether its distribution functions are smooth: those of draws and weighted draws are steps."""
     return math.isinf(distribution.n_draws)
+
+
+def marginal_densities(
+    distribution: Distribution, asked: Iterable[Parameter], draws: Mapping[str, Array] | DataFrame
+) -> dict[str, MarginalDensity]:
+    """Densities of free constants and of kappa, where all but a few draws lie; none of a law of steps.
+
+    Parameters
+    ----------
+    distribution : Distribution
+    asked : iterable of Parameter
+        The constants, whose ends no density crosses.
+    draws : mapping of str to ndarray, (n,)
+        Of each quantity.
+    """
+    if not has_density(distribution):
+        return {}
+    known, found = {each.name: each for each in asked}, {}
+    for name in distribution.names:
+        support = _support(quantity_of(name), known)
+        own = np.asarray(draws[name], dtype=float) if name in draws else np.zeros(1)
+        if support is not None and own.std() > 0.0:
+            found[name] = marginal_density(distribution, name, marginal_window(own), support)
+    return found
+
+
+def _support(quantity: str, asked: Mapping[str, Parameter]) -> tuple[float, float] | None:
+    """Values that a constant or kappa may have; None where nobody says."""
+    if quantity in asked:
+        return asked[quantity].ends
+    if quantity == "kappa" and {"e_n", "mu"} <= asked.keys():
+        (e_low, e_high), (low, high) = asked["e_n"].ends, asked["mu"].ends
+        return low * (1.0 + e_low), high * (1.0 + e_high)
+    return None

@@ -415,6 +415,8 @@ class FitResult(Findings, Display):
     def plot_corner(self, axes: Any = None, *, names: Sequence[str] | None = None) -> Any:
         """Draw marginals of the constants, and pairs with contours that hold 68 and 95 % of 20,000 draws.
 
+        A marginal is the density of the estimator's distribution; where that is made of draws, a histogram.
+
         Parameters
         ----------
         axes : ndarray of Axes, (k, k), optional
@@ -450,8 +452,8 @@ class FitResult(Findings, Display):
         --------
         >>> import ifrfit
         >>> fit = ifrfit.fit("cornell-glass")
-        >>> fit.plot_profile("mu").get_xlabel()
-        'mu'
+        >>> fit.plot_profile("mu").get_ylabel()
+        'rise of the misfit'
         """
         return self._renderer().plot_profile(self._profile(name), ax)
 

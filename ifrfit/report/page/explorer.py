@@ -13,7 +13,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import panels, style
-from ifrfit.report.page.charts.chart import shortened
+from ifrfit.report.axis_words import shortened
 from ifrfit.report.page.charts.typesetting import runs
 from ifrfit.report.page.symbols import symbols
 from ifrfit.report.provenance import is_stand_in

@@ -14,6 +14,7 @@ from scipy import ndimage, stats
 import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.result.types import Estimate
+from ifrfit.report.credible_regions import Regions, contours, regions, smoothed
 from ifrfit.report.page.blocks import Picture, Pictures
 from ifrfit.report.page.charts.chart import Band, Box, Line, Points, Words
 from ifrfit.report.page.report_input import ReportInput
@@ -25,7 +26,7 @@ from ifrfit.report.page.sections.identifiability import (
     draw_directions,
     share_text,
 )
-from ifrfit.report.page.sections.posterior import Regions, contours, draw_corner, regions, smoothed
+from ifrfit.report.page.sections.posterior import draw_corner
 from ifrfit.report.page.sections.predictive import draw_checks
 from ifrfit.report.page.sections.profiles import draw_profile
 from ifrfit.report.page.sections.residuals import (

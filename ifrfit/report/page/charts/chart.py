@@ -12,8 +12,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.entry_names import split_name
-from ifrfit.report.constants_rows import constant_symbols
+from ifrfit.report.axis_words import plain
 from ifrfit.report.page.charts.scales import Linear, Scale, Ticks
 from ifrfit.report.style import PANEL_WIDTH_MM, Dashes
 
@@ -22,11 +21,6 @@ Array = NDArray[np.float64]
 TICK_LETTERS, LABEL_LETTERS = 7.5, 8.0  # points
 LEFT, RIGHT, BOTTOM, TOP = 13.0, 3.0, 10.0, 3.0  # mm
 NAMES_TOP, NAMES_BOTTOM, NAMES_RIGHT = 2.0, 11.0, 4.0
-
-_SYMBOLS = {
-    "beta_sticking": r"$\beta$ in sticking",
-    "transition_angle_deg": "transition (deg)",
-}
 
 
 @dataclass(frozen=True)
@@ -331,20 +325,3 @@ def lines_panel(
     )
     panel = Panel(names, NAMES_TOP, width - names - NAMES_RIGHT, tall, x, y, tuple(marks))
     return Chart(width, NAMES_TOP + tall + NAMES_BOTTOM, (panel,))
-
-
-def symbol(name: str, longest: int = 24) -> str:
-    """A constant as axes write it; its series in brackets as it is, cut where it is longer than `longest`."""
-    kind, series = split_name(name)
-    shown = (_SYMBOLS | constant_symbols()).get(kind, plain(kind.replace("_", " ")))
-    return shown + (plain(f" [{shortened(series, longest)}]") if series else "")
-
-
-def plain(text: str) -> str:
-    """Text that must not be read as mathematics."""
-    return text.replace("$", r"\$")
-
-
-def shortened(text: str, longest: int) -> str:
-    """Text cut to a length, with an ellipsis where something is missing."""
-    return text if len(text) <= longest else f"{text[: longest - 1]}…"

@@ -12,6 +12,7 @@ from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.result import Entry as ComparedClosure
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels
+from ifrfit.report.axis_words import plain, shortened
 from ifrfit.report.comparison.figure import (
     LINEAR,
     evidence_limits,
@@ -35,8 +36,6 @@ from ifrfit.report.page.charts.chart import (
     Panel,
     Points,
     Words,
-    plain,
-    shortened,
 )
 from ifrfit.report.page.charts.scales import SymmetricLogarithmic, Ticks, number_text
 from ifrfit.report.page.charts.typesetting import width

@@ -15,9 +15,10 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
+from ifrfit.report.axis_words import shortened, symbol
 from ifrfit.report.constants_rows import table_rows
 from ifrfit.report.page.blocks import Block, Download, Findings, Paragraph, Picture, Pictures, Table
-from ifrfit.report.page.charts.chart import Axis, Chart, Line, Mark, Points, lines_panel, shortened, symbol
+from ifrfit.report.page.charts.chart import Axis, Chart, Line, Mark, Points, lines_panel
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import spin_words, transitions

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.result.types import Fact
+from ifrfit.report.axis_words import symbol
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
-from ifrfit.report.page.charts.chart import Axis, Box, Chart, Mark, Panel, Words, symbol
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Mark, Panel, Words
 from ifrfit.report.page.charts.scales import Logarithmic, Ticks
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput

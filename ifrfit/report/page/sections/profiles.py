@@ -10,8 +10,9 @@ import numpy as np
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.physics.closures import CLOSURES
+from ifrfit.report.axis_words import symbol
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
-from ifrfit.report.page.charts.chart import Axis, Box, Chart, Line, Mark, Points, Words, one_panel, symbol
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Line, Mark, Points, Words, one_panel
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
