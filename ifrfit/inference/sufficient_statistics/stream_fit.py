@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.integrators import ExactPosterior
 from ifrfit.inference.result.build import build_result
-from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.deferred import Deferred, Postponed
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import (
@@ -280,7 +281,12 @@ def _estimated(
     points = result.points.iloc[:0]
     if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
-        assumed = assumed if beaten > _BEATEN else (*assumed, *assumed_by(sample, result))
+
+    def taken() -> tuple[str, ...]:
+        if isinstance(sample, DataError) or beaten > _BEATEN:
+            return assumed
+        return (*assumed, *assumed_by(sample, result))
+
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
@@ -302,7 +308,7 @@ def _estimated(
             *_of_condensing(solved),
             _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
         ),
-        assumed=assumed,
+        assumed=cast("tuple[str, ...]", Postponed(taken)),
     )
     whole = result.distribution
     if isinstance(whole, ExactPosterior):  # of condensed rows, whose evidence is another one
