@@ -287,6 +287,7 @@ def _estimated(
             return assumed
         return (*assumed, *assumed_by(sample, result))
 
+    postponed = cast("tuple[str, ...]", Postponed(taken))
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
@@ -308,12 +309,15 @@ def _estimated(
             *_of_condensing(solved),
             _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
         ),
-        assumed=cast("tuple[str, ...]", Postponed(taken)),
+        assumed=postponed,
     )
     whole = result.distribution
     if isinstance(whole, ExactPosterior):  # of condensed rows, whose evidence is another one
         whole = replace(whole, log_evidence=whole.log_evidence + correction.of_evidence)
-    shown = replace(condensed, points=points, distribution=whole, problem=None, least_squares=None)
+    # given again: what is copied is asked for
+    shown = replace(
+        condensed, points=points, distribution=whole, problem=None, least_squares=None, assumed=postponed
+    )
     return StreamedFit(shown, condensed, correction)
 
 
