@@ -438,6 +438,8 @@ class Bootstrap(PlainErrors):
         As of `Exact`.
     keep : str, Path or None
         Folder in which replicates are kept where the run is interrupted, and from which the same one goes on.
+    resume : str, Path or None
+        As of `Exact`.
 
     Examples
     --------
@@ -465,6 +467,7 @@ class Bootstrap(PlainErrors):
     workers: int = _workers()
     scheduler: str | None = _scheduler()
     keep: str | Path | None = None
+    resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""

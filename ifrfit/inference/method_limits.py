@@ -109,6 +109,8 @@ def refuse_crew_in_memory(estimator: Estimator, *, was_large: bool = False) -> N
     """
     if isinstance(estimator, Bootstrap):  # whose replicates take workers
         asked: dict[str, object] = {"scheduler": estimator.scheduler}
+        if not was_large:
+            asked["resume"] = estimator.resume
     elif isinstance(estimator, Exact | LeastSquares | Profile):
         asked = {"workers": estimator.workers > 1, "scheduler": estimator.scheduler}
         if not was_large:

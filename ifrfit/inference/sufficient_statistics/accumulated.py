@@ -30,6 +30,21 @@ Mask = NDArray[np.bool_]
 
 _WINDOW = "window "
 BINS = 2048  # steps of tau/(1 + tau), unless there are very many rows
+MOST_SUMS = 400_000  # intervals times series and observables: 0.2 GiB with what is made of them
+
+
+class ManySumsError(Exception):
+    """More sums than `MOST_SUMS` would be held: with fewer intervals they are fewer.
+
+    Parameters
+    ----------
+    groups : int
+        Series times observables so far.
+    """
+
+    def __init__(self, groups: int) -> None:
+        super().__init__(groups)
+        self.groups = groups
 
 
 @dataclass
@@ -186,6 +201,8 @@ class Accumulated:
         groups = len(self.tally.series) * len(self.stream.observables)
         if len(self.groups) == groups:
             return
+        if groups * self.intervals.count > MOST_SUMS:
+            raise ManySumsError(groups)
         fresh = Moments.nothing(groups, self.intervals.count)
         fresh.high[: len(self.groups)] = self.moments.high
         fresh.low[: len(self.groups)] = self.moments.low
@@ -229,6 +246,11 @@ class Accumulated:
     def count_of(self, group: int) -> float:
         """Values of a group."""
         return float(self.sums[group, :, N].sum())
+
+    def question(self) -> bytes:
+        """See `ifrfit.inference.sufficient_statistics.unfinished_pass.Part`."""
+        asked = self.stream, self.weighted, self.intervals, self.sample.below
+        return repr(asked).encode() + np.packbits(self.window.inside).tobytes()
 
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What a part of a pass found, as JSON takes it and as arrays."""

@@ -7,9 +7,10 @@ theory is in docs/theory/sufficient-statistics.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,8 +27,9 @@ from ifrfit.inference.bootstrap.estimator import BootstrapDraws, bootstrap
 from ifrfit.inference.bootstrap.schemes import FEWEST, Cases, prior_means
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_groups
-from ifrfit.inference.sufficient_statistics.moments import Moments, Place
+from ifrfit.inference.sufficient_statistics.moments import Moments, N, Place
 from ifrfit.inference.sufficient_statistics.passes import Progress, Reader, Tell
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
@@ -40,6 +42,7 @@ Mask = NDArray[np.bool_]
 GROUPS = 1024  # of impacts: an sd from them is known to 1/sqrt(2 GROUPS), as from as many impacts
 _MOST_SUMS = 200_000  # groups times series and observables
 _MOST_ROWS = 200_000  # of all groups and of the impacts about the transition together
+_ROWS = "rows "
 _BELOW, _ABOVE = 0, 1
 _SERIES, _GAMMA, _SPIN_X, _SPIN_Y, _VALUE, _SIGMA, _GROUP = range(7)
 
@@ -50,6 +53,8 @@ class GroupedSums:
 
     Attributes
     ----------
+    stream : ImpactStream
+    series : tuple of str
     low, high : ndarray of int, (series,)
         First and last interval of those in which impacts stand for themselves.
     weighted : bool
@@ -60,6 +65,8 @@ class GroupedSums:
         Impacts within, by observable: series, angle in degrees, spins, value, sigma, group.
     """
 
+    stream: ImpactStream
+    series: tuple[str, ...]
     low: Index
     high: Index
     weighted: bool
@@ -68,30 +75,49 @@ class GroupedSums:
     parts: dict[str, list[Array]] = field(default_factory=dict)
 
     @classmethod
-    def nothing(
-        cls, low: Index, high: Index, weighted: bool, intervals: Intervals, observables: int
-    ) -> GroupedSums:
-        """Of no impacts."""
-        of_groups = Moments.nothing(1, 2 * low.size * observables * GROUPS)
-        return cls(low, high, weighted, intervals, of_groups)
+    def nothing(cls, of: Accumulated, low: Index, high: Index) -> GroupedSums:
+        """Of no impacts of a stream, all of which were summed before."""
+        stream = replace(of.stream, portions=())
+        of_groups = Moments.nothing(1, 2 * low.size * len(stream.observables) * GROUPS)
+        return cls(stream, tuple(of.series), low, high, of.weighted, of.intervals, of_groups)
 
     def anew(self) -> GroupedSums:
         """Of no impacts, with the same intervals."""
-        nothing = Moments.nothing(*self.moments.high.shape[:2])
-        return GroupedSums(self.low, self.high, self.weighted, self.intervals, nothing)
+        return replace(self, moments=Moments.nothing(*self.moments.high.shape[:2]), parts={})
 
-    def add(self, batch: Batch, stream: ImpactStream) -> None:
+    def question(self) -> bytes:
+        """See `ifrfit.inference.sufficient_statistics.unfinished_pass.Part`."""
+        asked = self.stream, self.series, self.weighted, self.intervals, GROUPS
+        return repr(asked).encode() + self.low.tobytes() + self.high.tobytes()
+
+    def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What a part of the pass found, as JSON takes it and as arrays."""
+        seen = np.flatnonzero(self.moments.high[0, :, N] > 0.0)
+        kept = {name: np.concatenate(parts, axis=1) for name, parts in self.parts.items()}
+        sums = {"seen": seen, "high": self.moments.high[0, seen], "low": self.moments.low[0, seen]}
+        return {}, {**sums, **{f"{_ROWS}{name}": rows for name, rows in kept.items()}}
+
+    def with_arrays(self, found: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> GroupedSums:
+        """What `to_arrays` gave, as a part of the same pass as this one, which is of nothing."""
+        part = self.anew()
+        for of, name in ((part.moments.high, "high"), (part.moments.low, "low")):
+            of[0, arrays["seen"]] = arrays[name]
+        for name, rows in arrays.items():
+            if name.startswith(_ROWS):
+                part.parts[name.removeprefix(_ROWS)] = [rows]
+        return part
+
+    def add(self, batch: Batch) -> None:
         """Add the impacts of a batch."""
         lots = lots_of_rows(batch.number, batch.first, batch.gamma_deg.size)
         groups = (lots % np.uint64(GROUPS)).astype(np.intp)
         place, _ = self.intervals.places(batch.incidence)
-        for number, name in enumerate(stream.observables):
-            self._add(batch, stream, groups, place, number, name, batch.values[name])
+        for number, name in enumerate(self.stream.observables):
+            self._add(batch, groups, place, number, name, batch.values[name])
 
     def _add(
         self,
         batch: Batch,
-        stream: ImpactStream,
         groups: Index,
         place_of: Place,
         number: int,
@@ -109,7 +135,7 @@ class GroupedSums:
             r, x = value, np.zeros(at.size)
             side = np.full(at.size, _BELOW)
         else:
-            offset, slope = of.linear(incidence, stream.inertia_factor)
+            offset, slope = of.linear(incidence, self.stream.inertia_factor)
             slides = incidence.slip > 0.0
             x = np.divide(incidence.cosine, incidence.slip, out=np.zeros(at.size), where=slides)
             r, slope = value - offset, np.where(slides, slope, 0.0)
@@ -123,7 +149,7 @@ class GroupedSums:
             kept = np.flatnonzero(~inside)
             side, w, slope, r, x = side[kept], w[kept], slope[kept], r[kept], x[kept]
             series, group = series[kept], group[kept]
-        row = (series * len(stream.observables) + number) * GROUPS + group
+        row = (series * len(self.stream.observables) + number) * GROUPS + group
         self.moments.add(0, (2 * row + side).astype(np.int32), w, slope, r, x)
 
     def merge(self, following: GroupedSums) -> None:
@@ -171,9 +197,12 @@ def bootstrap_of_groups(
     if len(of.series) * len(observables) * GROUPS > _MOST_SUMS:
         raise DataError(f"{path}: --method bootstrap of so many series takes them one by one: --series NAME.")
     low, high = _hull(question, problem, optimum)
-    sums = _read(
-        reader, GroupedSums.nothing(low, high, of.weighted, of.intervals, len(observables)), of.series
-    )
+    places = np.arange(of.intervals.count)
+    # told by the sums, before any is held
+    _refuse_many(str(path), question.rows_in((places >= low[:, None]) & (places <= high[:, None])))
+    sums = GroupedSums.nothing(of, low, high)
+    for part in reader.parts(partial(_sums, sums.anew()), sums):
+        sums.merge(part)
     drawn, scheme = _problem(question, sums)
     solved = least_squares(drawn)
     if BatchedSolver.of(drawn, solved) is None:
@@ -203,26 +232,13 @@ def _hull(question: Question, problem: Problem, optimum: LeastSquaresFit) -> tup
     return np.maximum(low - 1, 0), np.minimum(high + 1, last)
 
 
-def _read(reader: Reader, nothing: GroupedSums, series: Sequence[str]) -> GroupedSums:
-    work = partial(_sums, replace(reader.stream, portions=()), nothing, tuple(series))
-    for part in reader.parts(work):
-        nothing.merge(part)
-    return nothing
-
-
-def _sums(
-    stream: ImpactStream,
-    nothing: GroupedSums,
-    series: tuple[str, ...],
-    tell: Tell | None,
-    portions: Sequence[Portion],
-) -> list[GroupedSums]:
+def _sums(nothing: GroupedSums, tell: Tell | None, portions: Sequence[Portion]) -> list[GroupedSums]:
     """The sums of each portion."""
     found = []
     for portion in portions:
-        tally, sums = Tally(series=list(series)), nothing.anew()
-        for batch in stream.batches(portion, tally):
-            sums.add(batch, stream)
+        tally, sums = Tally(series=list(nothing.series)), nothing.anew()
+        for batch in nothing.stream.batches(portion, tally):
+            sums.add(batch)
             if tell is not None:
                 tell(tally.rows)
         found.append(sums)
@@ -280,15 +296,25 @@ def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
         tables.append(table)
         scale.append(question.scale_of(table))
         counts.append(np.ones(len(table)))
-    n = sum(map(len, tables))
+    _refuse_many(str(stream.path), sum(map(len, tables)))
+    problem = question.problem_of(tables, scale, counts)
+    return problem, _cases(problem, str(stream.path))
+
+
+def _refuse_many(path: str, n: float) -> None:
+    """Refuse to draw from very many rows.
+
+    Raises
+    ------
+    DataError
+        With their number.
+    """
     if n > _MOST_ROWS:
         raise DataError(
-            f"{stream.path}: the data leave open where sliding ends: {n:,} rows would have to be "
+            f"{path}: the data leave open where sliding ends: {n:,.0f} rows would have to be "
             f"drawn from at once ({_MOST_ROWS:,} at most). Take --method exact, or say more by --fix, "
             "--prior or --bounds."
         )
-    problem = question.problem_of(tables, scale, counts)
-    return problem, _cases(problem, str(stream.path))
 
 
 def _cases(problem: Problem, path: str) -> Cases:

@@ -20,7 +20,7 @@ from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
-from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
+from ifrfit.inference.sufficient_statistics.unfinished_pass import Part, UnfinishedPass
 from ifrfit.inference.sufficient_statistics.window_rows import WindowRows
 from ifrfit.inference.workers.crews import TRIES, Crew
 from ifrfit.inference.workers.lots import in_order
@@ -29,7 +29,7 @@ from ifrfit.physics.observables import OBSERVABLES
 Mask = NDArray[np.bool_]
 Progress = Callable[[int, int], None]
 Tell = Callable[[int], None]
-T = TypeVar("T")
+P = TypeVar("P", bound=Part)
 
 _MOST_KEPT = 3 * FIRST_ROWS  # rows that are all kept until the sums tell which to keep
 _STAGE = 8  # times as many rows in each stage as in all before it
@@ -83,19 +83,9 @@ class Reader:
             )
             # all rows of the first stage are kept, and had better not travel
             crew, unfinished = (self.crew, self.unfinished) if total.tally.rows else (None, None)
-            kept = unfinished.of(nothing) if unfinished is not None else None
-            # asked once: the same command may be at work beside this one
-            is_kept = [kept is not None and kept.has(portion) for portion in stage]
-            missing = [portion for portion, there in zip(stage, is_kept, strict=True) if not there]
             tell = partial(self._tell, total.tally)
-            fresh = in_order(missing, partial(_sums, nothing, self._here(tell, crew)), _lost, crew)
-            for portion, there in zip(stage, is_kept, strict=True):
-                if kept is not None and there:
-                    part = kept.load(portion)
-                else:
-                    part = next(fresh)
-                    if kept is not None:
-                        kept.keep(portion, part)
+            work = partial(_sums, nothing, self._here(tell, crew))
+            for part in _each(stage, work, nothing, crew, unfinished):
                 total.merge(part)
                 tell(0)
         return total
@@ -121,12 +111,20 @@ class Reader:
             tell(0)
         return total
 
-    def parts(self, work: Callable[[Tell | None, Sequence[Portion]], list[T]]) -> Iterator[T]:
-        """What is found of each portion in a pass of its own, in their order; `work` is told whom to tell."""
+    def parts(self, work: Callable[[Tell | None, Sequence[Portion]], list[P]], nothing: P) -> Iterator[P]:
+        """What is found of each portion in a pass of its own, in their order.
+
+        Parameters
+        ----------
+        work : callable
+            Is told whom to tell of rows.
+        nothing : Part
+            What each part begins as.
+        """
         done = Tally()
         tell = partial(self._tell, done)
         task = partial(work, self._here(tell, self.crew))
-        found: Iterator[T] = in_order(self.stream.portions, task, _lost, self.crew)
+        found = _each(self.stream.portions, task, nothing, self.crew, self.unfinished)
         for portion, part in zip(self.stream.portions, found, strict=True):
             done.rows += _rows_of(portion)
             tell(0)
@@ -139,6 +137,29 @@ class Reader:
     def _tell(self, tally: Tally, rows: int) -> None:
         if self.progress is not None:
             self.progress(tally.rows + rows, max(self.stream.rows, tally.rows + rows))
+
+
+def _each(
+    portions: Sequence[Portion],
+    work: Callable[[Sequence[Portion]], list[P]],
+    nothing: P,
+    crew: Crew | None,
+    unfinished: UnfinishedPass | None,
+) -> Iterator[P]:
+    """What is found of each portion, in their order; what an earlier run has kept is not found again."""
+    kept = unfinished.of(nothing) if unfinished is not None else None
+    # asked once: the same command may be at work beside this one
+    is_kept = [kept is not None and kept.has(portion) for portion in portions]
+    missing = [portion for portion, there in zip(portions, is_kept, strict=True) if not there]
+    fresh = in_order(missing, work, _lost, crew)
+    for portion, there in zip(portions, is_kept, strict=True):
+        if kept is not None and there:
+            yield kept.load(portion)
+            continue
+        part = next(fresh)
+        if kept is not None:
+            kept.keep(portion, part)
+        yield part
 
 
 def _sums(nothing: Accumulated, tell: Tell | None, portions: Sequence[Portion]) -> list[Accumulated]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +31,17 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.integrators import ExactPosterior
 from ifrfit.inference.result.build import build_result
-from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.deferred import Deferred, Postponed
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
+from ifrfit.inference.sufficient_statistics.accumulated import (
+    BINS,
+    MOST_SUMS,
+    Accumulated,
+    ManySumsError,
+    source_of,
+)
+from ifrfit.inference.sufficient_statistics.condensed_transition import solve_condensed
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
     Correction,
     assumed_by,
@@ -58,6 +66,8 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _MANY = (3_000_000, 300_000_000)  # rows from each of which on there are four times as many intervals
+_SPARE = 4  # times the sums of equal steps, for intervals that are parted
+_FEWEST_STEPS = 16
 _METHODS = ("exact", "lsq", "profile", "bootstrap")
 _BEATEN = 100.0  # of minus twice the log likelihood, beyond which a closure has no hope
 _SHOWN = 0.997  # level up to which a profile is looked at
@@ -148,8 +158,7 @@ def fit_stream(
     def questions_of(of: Accumulated) -> list[Question]:
         return [Question(of, each.closure, each.parameters, noise, separate_noise) for each in asked]
 
-    intervals = Intervals(BINS * 4 ** sum(stream.rows >= many for many in _MANY))
-    of = reader.accumulate(weighted, intervals, partial(foreseen, questions_of))
+    of = _accumulated(reader, weighted, partial(foreseen, questions_of))
     check_series(stream.path, stream.selection.series, of.tally.series)
     for sizes in of.tally.sizes.values():
         sizes.refuse()
@@ -160,10 +169,10 @@ def fit_stream(
     refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample)
     questions = questions_of(of)
     solved = solve_each(questions, reader)
-    values = [
-        question.value(found.problem, found.optimum.optimum.theta)
-        for question, found in zip(questions, solved, strict=True)
-    ]
+    if solved is None:
+        of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
+        solved = solve_condensed(questions, reader)
+    values = [found.question.value(found.problem, found.optimum.optimum.theta) for found in solved]
     best = values.index(min(values))
     samples: dict[int, FitResult | DataError] = {best: _sample(of, asked[best].fit_sample)}
     for place, each in enumerate(asked):
@@ -174,7 +183,6 @@ def fit_stream(
     return [
         _estimated(
             each,
-            questions[k],
             solved[k],
             samples[k],
             estimator,
@@ -185,6 +193,30 @@ def fit_stream(
         )
         for k, each in enumerate(asked)
     ]
+
+
+def _accumulated(
+    reader: Reader, weighted: bool, focus: Callable[[Accumulated, int], Accumulated]
+) -> Accumulated:
+    """The sums of all rows, by fewer intervals the more series there are: they are held all together.
+
+    Raises
+    ------
+    DataError
+        There are very many series and observables.
+    """
+    steps = BINS * 4 ** sum(reader.stream.rows >= many for many in _MANY)
+    while True:
+        try:
+            return reader.accumulate(weighted, Intervals(steps), focus)
+        except ManySumsError as many:
+            room = MOST_SUMS // (_SPARE * many.groups)
+            steps = min(steps // 2, 1 << max(room.bit_length() - 1, 0))
+            if steps < _FEWEST_STEPS:
+                raise DataError(
+                    f"{reader.stream.path}: {many.groups} series times observables are too many to be held "
+                    "together. Choose some by --series or --observable; ifrfit campaign fits each by itself."
+                ) from None
 
 
 def _refuse_few_sigmas(of: Accumulated) -> None:
@@ -211,7 +243,6 @@ def _refuse_few_sigmas(of: Accumulated) -> None:
 
 def _estimated(
     asked: Asked,
-    question: Question,
     solved: Solved,
     sample: FitResult | DataError,
     estimator: Estimator,
@@ -224,6 +255,7 @@ def _estimated(
 
     Single rows are not looked at under a closure that another one beats by far: all of them misfit.
     """
+    question = solved.question
     of, stream = question.of, question.of.stream
     problem, optimum, fetched = solved.problem, solved.optimum, solved.fetched
     refuse_lost_digits(of, problem, optimum.optimum.theta)
@@ -235,18 +267,27 @@ def _estimated(
     problem = replace(problem, quoted_spins=_median_spins(problem, sample))
     estimation = _estimation(estimator, question, problem, optimum, reader, seed)
     if estimation.profiles:
-        _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
+        least = question.least_rise(problem, optimum, fetched) - solved.error
+        _refuse_far_profiles(stream.path, estimation, least)
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
+    if proven is not None:
+        proven += 2.0 * solved.error
     optimum = replace(optimum, optimum=replace(optimum.optimum, gap=proven))
     correction = likelihood_correction(problem, optimum, of)
     evidence = result.fit.log_evidence
     points = result.points.iloc[:0]
     if not isinstance(sample, DataError):
         points = shown_points(sample, problem, optimum, seed)
-        assumed = assumed if beaten > _BEATEN else (*assumed, *assumed_by(sample, result))
+
+    def taken() -> tuple[str, ...]:
+        if isinstance(sample, DataError) or beaten > _BEATEN:
+            return assumed
+        return (*assumed, *assumed_by(sample, result))
+
+    postponed = cast("tuple[str, ...]", Postponed(taken))
     looked_at = sample
     if beaten > _BEATEN:
         looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
@@ -265,14 +306,18 @@ def _estimated(
             *result.warnings,
             *warnings_of(of, source),
             *_of_ids(of),
+            *_of_condensing(solved),
             _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
         ),
-        assumed=assumed,
+        assumed=postponed,
     )
     whole = result.distribution
     if isinstance(whole, ExactPosterior):  # of condensed rows, whose evidence is another one
         whole = replace(whole, log_evidence=whole.log_evidence + correction.of_evidence)
-    shown = replace(condensed, points=points, distribution=whole, problem=None, least_squares=None)
+    # given again: what is copied is asked for
+    shown = replace(
+        condensed, points=points, distribution=whole, problem=None, least_squares=None, assumed=postponed
+    )
     return StreamedFit(shown, condensed, correction)
 
 
@@ -400,6 +445,18 @@ def _of_ids(of: Accumulated) -> tuple[str, ...]:
     except DataError:  # which is said of the sample
         return ()
     return (said,) if said else ()
+
+
+def _of_condensing(solved: Solved) -> tuple[str, ...]:
+    """What is said of impacts about the transition that stand together."""
+    if not solved.error:
+        return ()
+    many, intervals = solved.question.rows_in(solved.fetched), int(np.count_nonzero(solved.fetched))
+    return (
+        f"the data leave open where sliding ends: {many:,.0f} values lie where it may, and stand together in "
+        f"{intervals:,} narrow intervals, which changes minus twice the log likelihood by {solved.error:.1g} "
+        "at most",
+    )
 
 
 def _under(sample: FitResult | DataError, asked: Asked) -> FitResult | DataError:

@@ -35,6 +35,7 @@ from ifrfit.physics.impulse_laws import Coefficients
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12  # relative, of what sums cancel to
+_CANCELLED = 1e-15  # of sums, by which their difference may be wrong
 
 
 def least_misfit(
@@ -72,6 +73,36 @@ def least_misfit(
         best = np.maximum(best, value - lost)
         own = np.maximum(own, _sticking_at(c, sums, law))
     return np.asarray(np.maximum(best, 0.0))
+
+
+def least_without(sums: Array, intervals: Intervals, law: Coefficients, domain: tuple[float, float]) -> Array:
+    """Lower bound of the misfit of all other impacts of a group than those of each interval, (bins,).
+
+    The transition lies in the interval whose impacts are not counted; else as `least_misfit`.
+    """
+    sums = about_zero(sums, intervals.middles)
+    upto = np.vstack((np.zeros(sums.shape[1]), np.cumsum(sums, axis=0)))
+    tau = intervals.edges
+    value, _ = _least_with(upto[:-1], upto[-1] - upto[1:], (tau[:-1], tau[1:]), law, domain)
+    return np.asarray(np.maximum(value, 0.0))
+
+
+def kink_sizes(sums: Array, intervals: Intervals, law: Coefficients, domain: tuple[float, float]) -> Array:
+    """How far a kink within each interval is from a line there, at most, squared and weighted, (bins,).
+
+    The sums decide every line in 1/tau. From a constant min(b, kappa/tau) differs by half of
+    b (1 - tau_lo/tau_hi) at most, and from a line of half the slope by half of kappa times the distance in
+    1/tau from the mean (docs/theory/sufficient-statistics.md, eq. 5).
+    """
+    b = float(np.max(np.abs(law.b0 + law.b1 * np.array(domain))))
+    tau = intervals.edges
+    total = sums[:, S_1]
+    spread = np.maximum(sums[:, S_XX] - _over(sums[:, S_X] ** 2, total), 0.0)
+    spread += _CANCELLED * sums[:, S_XX]
+    with np.errstate(invalid="ignore"):
+        width = np.where(np.isfinite(tau[1:]), 1.0 - tau[:-1] / tau[1:], 1.0)
+        by_spread = np.where(spread > 0.0, (b * tau[1:]) ** 2 * spread, 0.0)
+    return np.asarray(0.25 * np.minimum(by_spread, (b * width) ** 2 * total))
 
 
 def _least_with(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -19,24 +20,33 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.profile.objective import Misfit
-from ifrfit.inference.sufficient_statistics.accumulated import Accumulated, source_of
+from ifrfit.inference.sufficient_statistics.accumulated import MOST_SUMS, Accumulated, source_of
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
-from ifrfit.inference.sufficient_statistics.transition_bounds import least_direct, least_misfit
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
+from ifrfit.inference.sufficient_statistics.transition_bounds import (
+    kink_sizes,
+    least_direct,
+    least_misfit,
+    least_without,
+)
 from ifrfit.physics.closure import Closure
+from ifrfit.physics.compiled_incidence import PARTS
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Bound = Callable[[Array, Intervals, Coefficients, tuple[float, float]], Array]
 
 FAR = 80.0  # of minus twice the log likelihood above the best: less mass than exp(-40) lies there
-_MOST_ROWS = 2_000_000  # that are fetched, for all questions together: half a GiB or so for each million
+MOST_ROWS = 500_000  # that are held, for all questions together
 _FEW_ROWS = 20_000  # to come for a closure, up to which its intervals need not be parted
 _MOST_PARTED = 64  # intervals at once: more of them are as narrow as the rows can tell
 _PASSES = 4
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
+_EXPONENT = 600.0  # beyond which an exponential is as good as infinite
 MEAN, SCATTER = "mean of an interval", "scatter within intervals"  # what condensed rows are
 
 
@@ -49,12 +59,18 @@ class Solved:
     problem : Problem
     optimum : LeastSquaresFit
     fetched : ndarray of bool, (series, intervals)
-        Where impacts stand for themselves.
+        Where impacts stand for themselves, or together in intervals so narrow that it makes no difference.
+    question : Question
+        The one that was put to the sums in the end.
+    error : float
+        Of minus twice the log likelihood, at most, because impacts about the transition stand together.
     """
 
     problem: Problem
     optimum: LeastSquaresFit
     fetched: Mask
+    question: Question
+    error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,7 +100,7 @@ class Question:
         alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
         best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
         found = _with_neighbours(alone.bounds() < best + FAR)
-        return found & (self.rows_in(found) <= _MOST_ROWS / 2)
+        return found & (self.rows_in(found) <= MOST_ROWS / 2)
 
     def _share_constants(self) -> bool:
         return any(p.fixed is None and not p.separate for p in self.parameters)
@@ -189,28 +205,31 @@ class Question:
             found[name] = (low, max(1.0, *(known.largest_value for known in groups)))
         return found
 
-    def _least(self, spread: float) -> Array:
-        """Least misfit of each group with the transition in each interval, (series, observables, bins)."""
+    def _of_groups(self, bound: Bound, direct: Callable[[Array], float]) -> Array:
+        """A number of each group with the transition in each interval, (series, observables, bins)."""
         of = self.of
         series, observables = len(of.series), of.stream.observables
         constants = ParameterSet(self.parameters, tuple(of.series))
         own = constants[self.closure.constant] if self.closure.constant else None
         domain = (0.0, 0.0) if own is None else own.ends
         law = cast(Coefficients, self.closure.law(of.stream.inertia_factor))
-        least = np.zeros((series, len(observables), of.intervals.count))
+        found = np.zeros((series, len(observables), of.intervals.count))
         for group in range(len(of.groups)):
             number = group % len(observables)
             if OBSERVABLES[observables[number]].linear is None:
-                least[of.series_of(group), number] = least_direct(of.sums[group])
+                found[of.series_of(group), number] = direct(of.sums[group])
             else:
-                least[of.series_of(group), number] = least_misfit(
-                    of.sums[group],
-                    of.intervals,
-                    law,
-                    domain,
-                    spread,
-                )
-        return least
+                found[of.series_of(group), number] = bound(of.sums[group], of.intervals, law, domain)
+        return found
+
+    def _least(self, spread: float) -> Array:
+        """Least misfit of each group with the transition in each interval, (series, observables, bins)."""
+        return self._of_groups(partial(least_misfit, spread=spread), least_direct)
+
+    @property
+    def has_one_transition(self) -> bool:
+        """Whether all series have their transition in the same interval."""
+        return not any(p.separate for p in self.parameters)
 
     def bounds(self, spread: float = 1.0) -> Array:
         """Least value with the transition of a series in each interval, (series, bins), see `value`.
@@ -218,17 +237,57 @@ class Question:
         `spread` is the part of the largest difference between sticking and sliding that is allowed for.
         """
         least = self._least(spread)
-        series = len(least)
-        together = not any(p.separate for p in self.parameters)
-        found = np.empty((series, self.of.intervals.count))
-        for number in range(series):
+        return self._of_each_series(least, least)
+
+    def _of_each_series(self, own: Array, least: Array) -> Array:
+        """Value with the transition of a series in each interval, (series, bins), from the misfits of groups.
+
+        `own` are those of groups of that series, and of all where these have but one transition; `least` are
+        those of other series.
+        """
+        found = np.empty((len(own), self.of.intervals.count))
+        for number in range(len(own)):
             # a series whose constants are its own has its transition where it likes
-            others = (
-                least if together else np.broadcast_to(least.min(axis=2, keepdims=True), least.shape).copy()
+            groups = (
+                own
+                if self.has_one_transition
+                else np.broadcast_to(least.min(axis=2, keepdims=True), least.shape).copy()
             )
-            others[number] = least[number]
-            found[number] = self._combined(others)
+            groups[number] = own[number]
+            found[number] = self._combined(groups)
         return found
+
+    def kinks(self, value: float) -> tuple[Array, Array]:
+        """What decides how far a value may be off whose transition lies among condensed impacts.
+
+        It holds of all constants that lie less than `FAR` above a value
+        (docs/theory/sufficient-statistics.md, eq. 5).
+
+        Returns
+        -------
+        sizes : ndarray, (series, bins)
+            Root of the sum of squares by which the closure differs from a line within each interval, at most.
+        misfits : ndarray, (series, bins)
+            Root of the sum of squares of the impacts there, at most.
+        """
+        least = self._least(1.0)
+        others = self._of_each_series(self._of_groups(least_without, least_direct), least)
+        room = np.maximum(value + FAR - others, 0.0)
+        kinks = self._of_groups(kink_sizes, lambda _: 0.0)
+        if self.noise == "unknown":
+            squares, counts = least.min(axis=2), self._counts()
+            if not self.separate_noise:
+                squares, counts = (
+                    np.broadcast_to(each.sum(axis=0), each.shape) for each in (squares, counts)
+                )
+            knows = kinks.max(axis=2) > 0.0
+            fewest = float(counts.min(where=knows, initial=math.inf))
+            room = fewest * np.expm1(np.minimum(room / fewest, _EXPONENT)) if knows.any() else room
+            kinks = kinks * (counts / np.maximum(squares, _LEAST))[:, :, None]
+        size = np.sqrt(kinks.sum(axis=1))
+        if self.has_one_transition:
+            size = np.broadcast_to(np.sqrt(kinks.sum(axis=(0, 1))), size.shape)
+        return np.asarray(size), np.sqrt(room)
 
     def _combined(self, least: Array) -> Array:
         """The misfit of all groups, (bins,), from that of each, (series, observables, bins)."""
@@ -239,7 +298,7 @@ class Question:
 
     def _by_noise(self, least: Array) -> list[tuple[Array, float]]:
         """Least sum of squares, (bins,), and number of values of each unknown noise."""
-        counts = self.of.sums[:, :, N].sum(axis=1).reshape(least.shape[:2])
+        counts = self._counts()
         if self.separate_noise:
             parts = [
                 (least[i, k], counts[i, k]) for i in range(least.shape[0]) for k in range(least.shape[1])
@@ -247,6 +306,10 @@ class Question:
         else:
             parts = list(zip(least.sum(axis=0), counts.sum(axis=0), strict=True))
         return [(squares, float(n)) for squares, n in parts if n > 0.0]
+
+    def _counts(self) -> Array:
+        """Values of each group, (series, observables)."""
+        return np.asarray(self.of.sums[:, :, N].sum(axis=1).reshape(len(self.of.series), -1))
 
     def value(self, problem: Problem, theta: Array) -> float:
         """chi2 at some constants; under unknown noises the sum of n log(S/n)."""
@@ -319,19 +382,22 @@ def foreseen(
             for window in windows
             if np.count_nonzero(window) <= _MOST_PARTED and of.expected_rows(window, coming) > _FEW_ROWS
         ]
-        finer = of.parted(np.asarray(np.any(wide, axis=0))) if wide else of
+        parted = np.asarray(np.any(wide, axis=0)) if wide else np.zeros_like(inside)
+        count = of.intervals.count + (PARTS - 1) * np.count_nonzero(parted)
+        finer = of.parted(parted) if count * len(of.groups) <= MOST_SUMS else of
         if finer.intervals == of.intervals:
             break
         of = finer
-    few = [window for window in windows if of.expected_rows(window, coming) <= _MOST_ROWS / 2]
+    few = [window for window in windows if of.expected_rows(window, coming) <= MOST_ROWS / 2]
     of.window.narrow(np.asarray(np.any(few, axis=0)) if few else np.zeros_like(inside))
     return of
 
 
-def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
+def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved] | None:
     """The problem of each question with its optimum, and the intervals whose impacts stand for themselves.
 
     Each has the impacts that it calls for itself: a closure that the data refute leaves more of them open.
+    None where these are more than `MOST_ROWS`.
 
     Parameters
     ----------
@@ -354,12 +420,13 @@ def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
             if (needed & ~fetched[place]).any():
                 fetched[place] |= _with_neighbours(needed) | question.each_by_itself()
             else:
-                solved[place] = Solved(problem, optimum, fetched[place])
+                solved[place] = Solved(problem, optimum, fetched[place], question)
         open_ = [place for place in range(len(questions)) if place not in solved]
         if not open_:
             of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
             return [solved[place] for place in range(len(questions))]
-        _refuse_many(str(of.stream.path), sum(map(Question.rows_in, questions, fetched)))
+        if sum(map(Question.rows_in, questions, fetched)) > MOST_ROWS:
+            return None
         inside = np.any([fetched[place].any(axis=0) for place in open_], axis=0)
         window = of.window
         if (inside & ~window.inside).any():
@@ -369,22 +436,6 @@ def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved]:
     raise DataError(
         f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
     )
-
-
-def _refuse_many(path: str, values: float) -> None:
-    """Refuse to hold very many impacts, of all questions together.
-
-    Raises
-    ------
-    DataError
-        With their number.
-    """
-    if values > _MOST_ROWS:
-        raise DataError(
-            f"{path}: the data leave open where sliding ends, so that {values:,.0f} values would have to be "
-            f"held at once ({_MOST_ROWS:,} at most). Fit a part of them, or say more by --fix, --prior or "
-            "--bounds."
-        )
 
 
 def _with_neighbours(intervals: Mask) -> Mask:

@@ -7,16 +7,33 @@ import hashlib
 import json
 import os
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data.stream.portions import Portion
 from ifrfit.errors import UsageError
-from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
+
+
+class Part(Protocol):
+    """What a pass finds of a portion."""
+
+    def question(self) -> bytes:
+        """All that decides what is found of a portion, but for its rows."""
+
+    def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What was found, as JSON takes it and as arrays."""
+
+    def with_arrays(self, found: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Self:
+        """What `to_arrays` gave, as a part of the same pass as this one, which is of nothing."""
+
+
+P = TypeVar("P", bound=Part)
 
 
 @dataclass(frozen=True)
@@ -36,11 +53,10 @@ class UnfinishedPass:
         place = out.resolve()
         return cls(place.with_name(f"{place.name}.unfinished"))
 
-    def of(self, nothing: Accumulated) -> KeptParts:
+    def of(self, nothing: P) -> KeptParts[P]:
         """The parts that begin as `nothing`: found by the same question of the same files."""
-        asked = nothing.stream, nothing.weighted, nothing.intervals, nothing.sample.below
-        question = hashlib.sha256(repr((__version__, *asked)).encode())
-        question.update(np.packbits(nothing.window.inside).tobytes())
+        question = hashlib.sha256(__version__.encode())
+        question.update(nothing.question())
         return KeptParts(self.folder, question.hexdigest(), nothing)
 
     def close(self) -> None:
@@ -52,7 +68,7 @@ class UnfinishedPass:
 
 
 @dataclass(frozen=True)
-class KeptParts:
+class KeptParts(Generic[P]):
     """Parts of one question.
 
     Attributes
@@ -60,13 +76,13 @@ class KeptParts:
     folder : Path
     question : str
         Its digest.
-    nothing : Accumulated
+    nothing : Part
         What each part begins as.
     """
 
     folder: Path
     question: str
-    nothing: Accumulated
+    nothing: P
 
     def _path(self, portion: Portion) -> Path:
         """A name that tells the question, the files, their sizes and when they were written."""
@@ -77,7 +93,7 @@ class KeptParts:
         """Whether a portion is there."""
         return self._path(portion).is_file()
 
-    def load(self, portion: Portion) -> Accumulated:
+    def load(self, portion: Portion) -> P:
         """What was found of a portion.
 
         Raises
@@ -94,7 +110,7 @@ class KeptParts:
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             raise UsageError(f"{path}: damaged. Remove it, and run again.") from None
 
-    def keep(self, portion: Portion, part: Accumulated) -> None:
+    def keep(self, portion: Portion, part: P) -> None:
         """Put a part on the disk.
 
         Raises

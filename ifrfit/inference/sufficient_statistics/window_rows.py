@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,14 +42,21 @@ class WindowRows:
             return
         if values.at.size < place.size:
             place = place[values.at]
-        here = np.flatnonzero(self.inside[place])
-        if not here.size:
+        # of the first rows all are kept, and need not be picked
+        everything = slice(None)
+        here: slice | Index = everything if self.inside.all() else np.flatnonzero(self.inside[place])
+        if not values.at[here].size:
             return
-        own, i = values.at[here], batch.incidence
-        columns = (batch.series[own], place[here], batch.gamma_deg[own], i.spin_x[own], i.spin_y[own])
-        self.parts.setdefault(name, []).append(
-            np.stack([*map(np.asarray, columns), values.value[here], values.sigma[here]]).astype(float)
+        own: slice | Index = (
+            everything if here is everything and place.size == batch.gamma_deg.size else values.at[here]
         )
+        i = batch.incidence
+        of_impacts = (batch.series[own], place[here], batch.gamma_deg[own], i.spin_x[own], i.spin_y[own])
+        columns: tuple[NDArray[Any], ...] = (*of_impacts, values.value[here], values.sigma[here])
+        part = np.empty((len(columns), columns[1].size))
+        for row, column in zip(part, columns, strict=True):
+            row[:] = column
+        self.parts.setdefault(name, []).append(part)
 
     def merge(self, following: WindowRows, series: Index) -> None:
         """Add those of later rows; `series` are the places here of their series."""

@@ -12,7 +12,7 @@ from streams import folder_of, impacts
 import ifrfit
 from ifrfit.data.stream import portions
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.sufficient_statistics import grouped_cases
+from ifrfit.inference.sufficient_statistics import grouped_cases, passes
 from ifrfit.inference.sufficient_statistics.grouped_cases import GROUPS
 
 pytest.importorskip("numba")
@@ -102,3 +102,38 @@ def test_what_is_not_drawn_is_refused(tmp_path, monkeypatch):
             ifrfit.fit(folder, method="bootstrap")
     with refused(DataError, match="too few to draw from"):
         ifrfit.fit(folder_of(tmp_path / "few", impacts(4), 2, "parquet"), method="bootstrap")
+
+
+def test_an_interrupted_bootstrap_goes_on_in_its_second_pass(tmp_path, monkeypatch):
+    for name, rows in (("FIRST_ROWS", 700), ("ROWS", 700)):
+        monkeypatch.setattr(portions, name, rows)
+    folder = folder_of(tmp_path / "all", impacts(4200, series=2), 3, "parquet")
+    alone = ifrfit.fit(folder, method=ifrfit.Bootstrap(replicates=100))
+    asked = {"method": ifrfit.Bootstrap(replicates=100, resume=tmp_path / "out")}
+    seen = []
+
+    def interrupting(done, most):
+        seen.append(done)
+        if seen.count(most) and done < most and done > 2000:  # in the second pass
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ifrfit.fit(folder, progress=interrupting, **asked)
+    read = {module: [] for module in (passes, grouped_cases)}
+    for module, wanted in read.items():
+        sums = module._sums
+        monkeypatch.setattr(
+            module,
+            "_sums",
+            lambda nothing, tell, some, f=sums, w=wanted: w.extend(some) or f(nothing, tell, some),
+        )
+    found = ifrfit.fit(folder, **asked)
+    assert found.flat_constants() == alone.flat_constants()
+    assert found.fit == alone.fit
+    most = len(portions.portions_of(sorted(folder.iterdir())))
+    assert len(read[passes]) == 1  # of the first stage nothing is kept
+    assert 0 < len(read[grouped_cases]) < most - 2
+    assert not (tmp_path / "out.unfinished").exists()
+    with refused(UsageError, match="--resume: these data are held in memory"):
+        impacts(50).to_csv(tmp_path / "few.csv", index=False)
+        ifrfit.fit(tmp_path / "few.csv", method=ifrfit.Bootstrap(resume=tmp_path / "out"))

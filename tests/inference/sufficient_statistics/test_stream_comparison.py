@@ -110,7 +110,7 @@ def test_processes_that_read_change_nothing_and_are_refused_in_memory(tmp_path, 
 
 def test_a_refuted_closure_leaves_few_impacts_to_be_held(tmp_path, monkeypatch):
     # without a transition that binds sliding to sticking, F leaves open where it lies: half of all impacts
-    monkeypatch.setattr(transition_window, "_MOST_ROWS", 20_000)
+    monkeypatch.setattr(transition_window, "MOST_ROWS", 20_000)
     monkeypatch.setattr(passes, "_MOST_KEPT", 5_000)
     path = tmp_path / "all"
     found = ifrfit.compare(folder_of(path, impacts(60_000, sigma=0.01, spin=0.0), 3, "parquet"), loo=False)

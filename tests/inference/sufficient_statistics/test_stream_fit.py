@@ -16,7 +16,6 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.result.restore import question
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.sufficient_statistics import stream_fit as stream_fit_module
-from ifrfit.inference.sufficient_statistics import transition_window
 from ifrfit.inference.sufficient_statistics.shown_points import MOST_SHOWN
 
 pytest.importorskip("numba")
@@ -281,13 +280,6 @@ def test_a_sample_that_is_refused_is_told(tmp_path, monkeypatch):
     assert any("no fact on single rows was looked for" in said for said in fit.warnings)
     assert "slips" not in fit.facts
     assert fit.facts["global_optimum"].ok
-
-
-def test_an_open_transition_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(transition_window, "_MOST_ROWS", 300)
-    table = impacts(3000, sigma=3.0)
-    with pytest.raises(DataError, match="leave open where sliding ends"):
-        ifrfit.fit(folder_of(tmp_path / "all", table, 2, "parquet"))
 
 
 def test_files_without_rows_and_hidden_ones_change_nothing(tmp_path):
