@@ -34,7 +34,7 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.solve import solve

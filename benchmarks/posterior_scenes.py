@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.closures import get_closure
 

@@ -14,7 +14,8 @@ from simulated import simulated
 
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
-from ifrfit.inference.model.parameters import ParameterSet, make_parameters
+from ifrfit.inference.model.parameters import ParameterSet
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import rebound
 from ifrfit.physics.closure import Closure, rotational_share

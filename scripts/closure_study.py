@@ -13,7 +13,7 @@ from studies import in_order
 
 from ifrfit.data.observations import Observations
 from ifrfit.inference.comparison.compare import probabilities
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.physics import rebound

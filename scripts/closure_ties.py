@@ -13,7 +13,7 @@ from scipy import integrate, special
 from simulated import simulated
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.physics import rebound

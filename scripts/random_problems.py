@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closure import Closure

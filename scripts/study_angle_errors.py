@@ -27,7 +27,7 @@ from simulated import simulated
 
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate

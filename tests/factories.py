@@ -13,7 +13,7 @@ import pytest
 from scipy.special import bdtrc
 
 from ifrfit.data.observations import Observations
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound
 

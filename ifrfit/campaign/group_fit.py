@@ -13,7 +13,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.groups import Group, GroupedFiles
 from ifrfit.data.readers import NothingMeasuredError, observe
 from ifrfit.errors import DataError, IfrfitError
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.fit import fit
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.fit_result import FitResult

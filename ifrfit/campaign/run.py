@@ -15,7 +15,7 @@ from ifrfit.campaign.population import Population, populations
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.workers.crews import TRIES, crew_of

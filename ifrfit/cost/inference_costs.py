@@ -16,7 +16,8 @@ from ifrfit.inference.accuracy.select_method import LADDER, foreseen
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Estimator
+from ifrfit.inference.estimator import Estimator
+from ifrfit.inference.estimators import ESTIMATORS, Bootstrap
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, dof_of_functional, least_squares

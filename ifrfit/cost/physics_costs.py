@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ifrfit.cost.timing import Cost, one_thread, timed
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.angles import Incidence

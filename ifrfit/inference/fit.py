@@ -22,7 +22,7 @@ from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.keywords import (
     FitKeywords,
     estimator_of,
@@ -33,7 +33,8 @@ from ifrfit.inference.keywords import (
 )
 from ifrfit.inference.method_limits import refuse_crew_in_memory, refuses
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
-from ifrfit.inference.model.parameters import Parameter, priors_beyond_domain
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.prior_specification import priors_beyond_domain
 from ifrfit.inference.model.problem import Problem, make_problem, noise_policy
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares

@@ -7,7 +7,8 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
+from ifrfit.inference.estimator import Estimator
+from ifrfit.inference.estimators import ESTIMATORS, Exact
 from ifrfit.inference.option_fields import build, check_form, given, plain
 from ifrfit.inference.options import Model, Noise, Range
 from ifrfit.physics.closures import CLOSURES

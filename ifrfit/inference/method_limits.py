@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Estimator, Exact, LeastSquares, Profile
+from ifrfit.inference.estimator import Estimator
+from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Exact, LeastSquares, Profile
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.problem import Problem

@@ -160,7 +160,7 @@ class Model(Options):
         UsageError
             For an unknown closure, a constant that it does not have, or choices that contradict.
         """
-        from ifrfit.inference.model.parameters import make_parameters
+        from ifrfit.inference.model.prior_specification import make_parameters
         from ifrfit.physics.closures import get_closure
 
         return make_parameters(

@@ -29,7 +29,8 @@ from ifrfit import (
 )
 from ifrfit.cli.main import app
 from ifrfit.inference import keywords as typed
-from ifrfit.inference.estimators import Estimator, label_of, make_estimator, title_of
+from ifrfit.inference.estimator import Estimator
+from ifrfit.inference.estimators import label_of, make_estimator, title_of
 from ifrfit.inference.keywords import estimator_of, model_of
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.option_fields import build, option, options_of

@@ -18,7 +18,8 @@ from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import CHOICES, POLICIES, NoiseModel, Policy, mixed_noise, noise_name
-from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
+from ifrfit.inference.model.parameters import Parameter, ParameterSet
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients

@@ -24,7 +24,8 @@ from ifrfit.data.readers import observe
 from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
 from ifrfit.data.stream.repeated_ids import without_repeated_ids
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.estimators import Bootstrap, Estimator
+from ifrfit.inference.estimator import Estimator
+from ifrfit.inference.estimators import Bootstrap
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem

@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.nested_models import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.physics import get_closure

@@ -12,7 +12,7 @@ from scipy import integrate, stats
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.posterior import exact_posterior

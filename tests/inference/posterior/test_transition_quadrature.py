@@ -10,7 +10,7 @@ import pytest
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, integrate
