@@ -41,7 +41,7 @@ from ifrfit.inference.posterior.mixture_proposal import (
     lattice,
 )
 from ifrfit.inference.posterior.proposal_adaptation import (
-    DEFENDED,
+    FITTED,
     Gaussian,
     component_about,
     effective_share,
@@ -60,7 +60,7 @@ _FIRST = 256  # points of each replicate to begin with
 _OF_SERIES = 4  # points of a series at each of them, for each of its constants
 _FITTED, _STEPS, _KEPT = 1024, 8, 6  # points and steps of a fit, components of a series
 _RARER = 4  # so many times fewer points to begin with where true angles are integrated out
-_BESIDE = replace(DEFENDED, long=0.25)  # what laws of shared coordinates have beside their components
+_BESIDE = replace(FITTED, long=0.25)  # what laws of shared coordinates have beside their components
 _AT_FIRST = Beside(wide=0.3, factor=4.0, uniform=0.2)  # the same about known modes
 _OF_A_SERIES = Beside(wide=0.15, factor=5.0, long=0.1, uniform=0.25)  # and the laws of series
 _WORK, _MOST_WORK = 8e6, 25e6  # as of importance sampling without factors

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +32,12 @@ from ifrfit.inference.posterior.tempering import tempered_points
 Array = NDArray[np.float64]
 
 DEFENDED = Beside(wide=0.1, factor=5.0, long=0.05, uniform=0.1)
+FITTED = replace(DEFENDED, wide=0.0)  # what is fitted to squared distances is wide
 _UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of each further component
 _MOST = 24  # components that are added
 _TEMPERED = 512  # points of the laws of each power of the posterior
 _EVEN = 0.4  # effective share of the points at which the weights are even enough
+_MOST_FAR, _EVEN_FAR = 8, 0.15  # the same of weights times squared distances, over all points
 _NEAR = 256  # points that give a component its covariance
 RESAMPLED = 4096  # points that the components are fitted to
 STEPS = 20  # of expectation and maximisation
@@ -43,7 +46,7 @@ _POINTS = 3.0  # effective points of a component for each of its dimensions
 KEPT = 10  # components at most
 _SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
 _FLAT = 1e-5  # of the domain's width: least sd of a component
-_FAR, _KEPT_FAR = 0.15, 4  # share of components that are fitted to squared distances; how many at most
+_FAR, _KEPT_FAR = 0.25, 4  # share of components that are fitted to squared distances; how many at most
 _RESAMPLED_FAR, _STEPS_FAR = 1024, 10  # points and steps of their fit
 _LEAST_FAR = 0.05  # effective share of the points that they are fitted to, by a power of their weights
 
@@ -71,7 +74,13 @@ def adapted_proposal(
     for _ in range(_MOST):
         if population.effective_share >= _EVEN:
             break
-        population.add(population.component_at_largest_weight(), _EACH)
+        population.add(population.component_at_largest_weight(population.log_weights), _EACH)
+    for _ in range(_MOST_FAR):
+        log_weights = population.log_weights
+        log_weights = log_weights + _log_distances(density.coordinates.values(population.at), log_weights)
+        if effective_share(log_weights) >= _EVEN_FAR:
+            break
+        population.add(population.component_at_largest_weight(log_weights), _EACH)
     return fitted_proposal(
         density.coordinates,
         population.at,
@@ -111,7 +120,7 @@ def fitted_proposal(
     start: Sequence[Gaussian],
     far: Sequence[Gaussian] = (),
     *,
-    beside: Beside = DEFENDED,
+    beside: Beside = FITTED,
     resampled: int = RESAMPLED,
     steps: int = STEPS,
 ) -> MixtureProposal:
@@ -294,9 +303,9 @@ class _Population:
         n = sum(self._counts)
         return effective_share(self.log_weights) * n / max(n - self._exploring, 1)
 
-    def component_at_largest_weight(self) -> Component:
+    def component_at_largest_weight(self, log_weights: Array) -> Component:
         """A component about the point of the largest weight, as wide as the points near it are spread."""
-        weights = special.softmax(self.log_weights)
+        weights = special.softmax(log_weights)
         centre = self.at[int(weights.argmax())]
         nearest = 1 + int(self._log_q[1:, int(weights.argmax())].argmax())
         own = self._components[nearest]
