@@ -27,7 +27,7 @@ from ifrfit.inference.posterior.mixture_proposal import (
     Uniform,
     lattice,
 )
-from ifrfit.inference.posterior.tempering import tempered_points
+from ifrfit.inference.posterior.tempering import POWERS, tempered_points
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,7 @@ FITTED = replace(DEFENDED, wide=0.0)  # what is fitted to squared distances is w
 _UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of each further component
 _MOST = 24  # components that are added
 _TEMPERED = 512  # points of the laws of each power of the posterior
+_CLOUD, _KEPT_CLOUD = 768, 5  # of those that they are fitted to, and laws of each power at most
 _EVEN = 0.4  # effective share of the points at which the weights are even enough
 _MOST_FAR, _EVEN_FAR = 8, 0.15  # the same of weights times squared distances, over all points
 _NEAR = 256  # points that give a component its covariance
@@ -46,7 +47,7 @@ _POINTS = 3.0  # effective points of a component for each of its dimensions
 KEPT = 10  # components at most
 _SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
 _FLAT = 1e-5  # of the domain's width: least sd of a component
-_FAR, _KEPT_FAR = 0.25, 4  # share of components that are fitted to squared distances; how many at most
+_FAR, _KEPT_FAR = 0.2, 3  # share of components that are fitted to squared distances; how many at most
 _RESAMPLED_FAR, _STEPS_FAR = 1024, 10  # points and steps of their fit
 _LEAST_FAR = 0.05  # effective share of the points that they are fitted to, by a power of their weights
 
@@ -67,10 +68,10 @@ def adapted_proposal(
     """
     population = _Population(density, rng)
     population.add(Uniform(), _UNIFORM)
-    population.add_tempered()
     for centre, covariance in modes:
         n = 2 ** round(math.log2(_BY_MODES / len(modes)))
         population.add(component_about(density.coordinates, centre, covariance), n)
+    population.add_tempered()
     for _ in range(_MOST):
         if population.effective_share >= _EVEN:
             break
@@ -249,7 +250,7 @@ class _Population:
     def __init__(self, density: ConstantsDensity, rng: np.random.Generator) -> None:
         self._density, self._rng = density, rng
         self.gaussians: list[Gaussian] = []
-        self.tempered: list[Gaussian] = []  # of powers of the posterior
+        self.tempered: list[Gaussian] = []  # of powers of the posterior below one
         self._components: list[Component | Uniform] = []
         self._counts: list[int] = []
         self._exploring = 0  # points that were not drawn near to the posterior
@@ -258,26 +259,40 @@ class _Population:
         self._log_q = np.empty((0, 0))  # of each law at each point
 
     def add_tempered(self) -> None:
-        """Draw points of laws of powers of the posterior; the uniform ones, which these start from, are there."""
-        clouds = tempered_points(self._density, self.at, self._log_p, self._rng)
-        for points in clouds:
+        """Draw points of laws of powers of the posterior; of the posterior itself where modes do not tell it."""
+        powers = (*POWERS, 1.0)
+        uniform = self.at[: self._counts[0]], self._log_p[: self._counts[0]]
+        for power, points in zip(
+            powers, tempered_points(self._density, *uniform, powers, self._rng), strict=True
+        ):
             laws = self._laws_of(points)
+            gaussians = self.gaussians if power == 1.0 else self.tempered
             for law in laws:
-                self.add(law, 2 ** round(math.log2(_TEMPERED / len(laws))))
-        self.tempered, self.gaussians = self.gaussians, self.gaussians[-len(laws) :]
-        self._exploring = sum(self._counts)
+                n = 2 ** round(math.log2(_TEMPERED / len(laws)))
+                self._draw(law, n)
+                self._exploring += n
+                gaussians.append(_gaussian(law))
 
     def _laws_of(self, points: Array) -> list[Component]:
         """Components fitted to points."""
         domain = self._density.coordinates
+        points = points[self._rng.permutation(len(points))[:_CLOUD]]
         covariance = np.atleast_2d(np.cov(points, rowvar=False)) / _SEEDS
-        start = [(each, covariance) for each in points[self._rng.choice(len(points), _SEEDS)]]
+        start = [(each, covariance) for each in points[:_SEEDS]]
         _, fitted = _gaussian_mixture(
-            points, start, _least_sd(domain, self.at), _LEAST, _STEPS_FAR, _KEPT_FAR
+            points, start, _least_sd(domain, self.at), _LEAST, _STEPS_FAR, _KEPT_CLOUD
         )
         return [component_about(domain, *each) for each in fitted]
 
     def add(self, component: Component | Uniform, n: int) -> None:
+        """Draw n points of a law, which is one to begin a fit with."""
+        self._draw(component, n)
+        if isinstance(component, Component):
+            self.gaussians.append(_gaussian(component))
+        else:
+            self._exploring += n
+
+    def _draw(self, component: Component | Uniform, n: int) -> None:
         """Draw n points of a law."""
         domain = self._density.coordinates
         new = component.draw(domain, lattice(n, self._rng.random(domain.dimensions)))
@@ -288,8 +303,6 @@ class _Population:
         self._log_p = np.concatenate((self._log_p, self._density(new)[0]))
         self._components.append(component)
         self._counts.append(n)
-        if isinstance(component, Component):
-            self.gaussians.append((component.centre, component.root @ component.root.T))
 
     @property
     def log_weights(self) -> Array:
@@ -316,6 +329,11 @@ class _Population:
         share /= share.sum()
         away = self.at[near] - centre
         return component_about(self._density.coordinates, centre, (away * share[:, None]).T @ away)
+
+
+def _gaussian(component: Component) -> Gaussian:
+    """Centre and covariance of a component."""
+    return component.centre, component.root @ component.root.T
 
 
 def component_about(domain: Coordinates, centre: Array, covariance: Array) -> Component:
