@@ -250,7 +250,7 @@ class _Population:
     def __init__(self, density: ConstantsDensity, rng: np.random.Generator) -> None:
         self._density, self._rng = density, rng
         self.gaussians: list[Gaussian] = []
-        self.tempered: list[Gaussian] = []  # of powers of the posterior below one
+        self.tempered: list[Gaussian] = []  # of powers of the posterior
         self._components: list[Component | Uniform] = []
         self._counts: list[int] = []
         self._exploring = 0  # points that were not drawn near to the posterior
@@ -259,19 +259,17 @@ class _Population:
         self._log_q = np.empty((0, 0))  # of each law at each point
 
     def add_tempered(self) -> None:
-        """Draw points of laws of powers of the posterior; of the posterior itself where modes do not tell it."""
-        powers = (*POWERS, 1.0)
+        """Draw points of laws of powers of the posterior, and begin at those of itself if modes miss it."""
         uniform = self.at[: self._counts[0]], self._log_p[: self._counts[0]]
-        for power, points in zip(
-            powers, tempered_points(self._density, *uniform, powers, self._rng), strict=True
-        ):
+        for points in tempered_points(self._density, *uniform, POWERS, self._rng):
             laws = self._laws_of(points)
-            gaussians = self.gaussians if power == 1.0 else self.tempered
+            n = 2 ** round(math.log2(_TEMPERED / len(laws)))
             for law in laws:
-                n = 2 ** round(math.log2(_TEMPERED / len(laws)))
                 self._draw(law, n)
-                self._exploring += n
-                gaussians.append(_gaussian(law))
+            self._exploring += n * len(laws)
+            self.tempered += map(_gaussian, laws)
+        if self.effective_share < _EVEN:
+            self.gaussians += self.tempered[-len(laws) :]
 
     def _laws_of(self, points: Array) -> list[Component]:
         """Components fitted to points."""

@@ -1,7 +1,7 @@
 """Points of the posterior to powers below one, from the whole domain down to its neighbourhood.
 
 A tail of a millionth of the posterior, a thousand sd away, makes as much of a variance as all the rest, and a
-law that is near to the posterior has no point in it. To a power of 1/16 it holds most of the points. Eq. (16a)
+law that is near to the posterior has no point in it; to a power of 1/16 it holds many of the points. Section 9
 of ``docs/theory/posterior.md``.
 """
 
@@ -18,8 +18,8 @@ from ifrfit.inference.posterior.constants_density import ConstantsDensity
 
 Array = NDArray[np.float64]
 
-POWERS = 1.0 / 16.0, 1.0 / 4.0  # at which a tail of a millionth holds many of the points
-_RATIO, _FAST = 2.0, 2.0  # from one power to the next; below the first of those that are asked for
+POWERS = 1.0 / 16.0, 1.0 / 4.0, 1.0  # at the first a tail of a millionth holds many of the points
+_RATIO, _FAST = 2.0, 4.0  # from one power to the next; below the first of those that are asked for
 _EFFECTIVE = 0.05  # share of uniform points that are effective at the first power
 _WALKERS, _FEWEST = 512, 64  # where values are quick, and where they are slow
 _ROWS = 10_000  # values that all walkers take at once, roughly
@@ -34,9 +34,9 @@ def tempered_points(
 ) -> list[Array]:
     """Points of the density to each of some powers, (m, d) each.
 
-    Sequential Monte Carlo from uniform points, by powers that rise to the last one (Del Moral, Doucet & Jasra
-    2006, J. R. Statist. Soc. B 68, 411); walkers move by differences of two others (ter Braak 2006, Statistics
-    and Computing 16, 239).
+    Sequential Monte Carlo from uniform points, by powers that rise to the last one (Del Moral, Doucet &
+    Jasra 2006, J. R. Statist. Soc. B 68, 411); walkers move by differences of two others (ter Braak 2006,
+    Statistics and Computing 16, 239).
 
     Parameters
     ----------
