@@ -67,7 +67,9 @@ def tempered_points(
         last = at, log_p
         at, log_p = (np.concatenate(each) for each in zip(*found[-_LAST:], strict=True))
         if power in powers:
-            kept.append(at[power * (log_p - log_p.max()) > -_FALL])
+            best = np.argsort(-log_p)
+            n_near = int(np.sum(power * (log_p - log_p.max()) > -_FALL))
+            kept.append(at[best[: max(n_near, _FEWEST)]])
         before = power
     return kept
 

@@ -16,11 +16,12 @@ from factories import rest_long
 from posterior_questions import Question, Row
 
 from ifrfit.inference.model.error_model import ErrorModel
-from ifrfit.inference.model.prior_laws import HalfNormal
+from ifrfit.inference.model.prior_laws import HalfNormal, LogNormal
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import proposal_adaptation
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.importance_sampling import sample_by_importance
+from ifrfit.inference.posterior.mixture_proposal import Uniform
 from ifrfit.inference.posterior.tempering import tempered_points
 
 SHARE = 0.4 / 1.4
@@ -161,3 +162,19 @@ def test_points_of_a_power_are_as_wide_as_its_law() -> None:
         # half of the walkers are not resampled, and lag behind by a part of the last factor of sqrt(2)
         assert float(points.std()) == pytest.approx(0.01 / math.sqrt(power), rel=math.sqrt(2.0) - 1.0)
         assert float(points.mean()) == pytest.approx(0.7025, abs=0.25 * 0.01 / math.sqrt(power))
+
+
+def test_points_are_enough_for_a_covariance_where_walkers_are_stuck_on_a_ridge() -> None:
+    # three readings and an offset: a ridge so thin that hardly a walker is near to the best of them
+    rows = (
+        Row("spin_y_after", 84.218, -0.188609, 0.0108),
+        Row("psi_out_deg", 74.991, 53.0249, 0.00374),
+        Row("mu_app", 75.333, 0.407593, 0.00945),
+    )
+    question = Question(rows, "f", prior={"e_n": (0.823, 0.02), "mu": LogNormal(0.413, 1.42)})  # type: ignore[dict-item]
+    density = ConstantsDensity(replace(question.problem(), error_model=ErrorModel(offset=1.36)))
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        uniform = Uniform().draw(density.coordinates, rng.random((2048, density.coordinates.dimensions)))
+        found = tempered_points(density, uniform, density(uniform)[0], (1.0 / 16.0, 1.0), rng)
+        assert all(len(points) >= 64 and np.isfinite(points).all() for points in found)
