@@ -1,8 +1,8 @@
 """Points of the posterior to powers below one, from the whole domain down to its neighbourhood.
 
 A tail of a millionth of the posterior, a thousand sd away, makes as much of a variance as all the rest, and a
-law that is near to the posterior has no point in it; to a power of 1/16 it holds many of the points. Section 9
-of ``docs/theory/posterior.md``.
+law that is near to the posterior has no point in it; to a power of 1/16 it holds many of them. Section 9 of
+``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def test_a_rare_mode_is_in_the_sd(name: str, seed: int) -> None:
 
 
 def test_points_of_a_power_are_as_wide_as_its_law() -> None:
-    # four readings of e_n: the posterior is normal with a sd of 0.01, and to the power 1/16 four times as wide
+    # four readings of e_n: the posterior is normal with a sd of 0.01, to the power 1/16 four times as wide
     rows = tuple(Row("e_n", 5.0, value, 0.02) for value in (0.71, 0.68, 0.7, 0.72))
     density = ConstantsDensity(Question(rows, fix={"mu": 0.1, "e_t": -0.9}).problem())
     rng = np.random.default_rng(0)
