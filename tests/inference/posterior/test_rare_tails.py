@@ -178,3 +178,20 @@ def test_points_are_enough_for_a_covariance_where_walkers_are_stuck_on_a_ridge()
         uniform = Uniform().draw(density.coordinates, rng.random((2048, density.coordinates.dimensions)))
         found = tempered_points(density, uniform, density(uniform)[0], (1.0 / 16.0, 1.0), rng)
         assert all(len(points) >= 64 and np.isfinite(points).all() for points in found)
+
+
+def test_draws_far_below_the_optimum_do_not_converge() -> None:
+    # least squares find a mu of 3.5, where the posterior ends at 2, and draws about that end have exp(-290)
+    # of its likelihood; there is a better place at mu = 0.037, with a log evidence of 0.46
+    rows = (
+        Row("e_n", 71.639, 0.9228, 0.00696, 0.9643, -0.4838, "a"),
+        Row("v_x", 63.909, 0.67664, 0.005, -0.4357, -0.1528, "a"),
+        Row("spin_y_after", 44.606, -0.452456, 0.000858, -0.3087, 0.3355, "a"),
+        Row("e_n", 28.844, 0.914598, 0.000392, 0.7081, -0.2662, "b"),
+        Row("v_x", 44.464, 0.477475, 0.00118, 0.0433, 0.0645, "b"),
+        Row("spin_y_after", 85.754, -0.454612, 0.000388, -0.7737, 0.4956, "b"),
+    )
+    problem = replace(Question(rows, "ifr-contact").problem(), error_model=ErrorModel(offset=1.43))
+    for seed in range(3):
+        found = sample_by_importance(problem, seed=seed)
+        assert not found.converged or abs(found.log_evidence - 0.463) < 0.1
