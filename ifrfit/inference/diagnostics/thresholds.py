@@ -44,6 +44,7 @@ STATUSES = {
 
 # Importance sampling: standard error in sd, effective draws, share of the weight that one draw may have
 SAMPLING_ERROR, LEAST_EFFECTIVE, LARGEST_WEIGHT = 0.05, 1000.0, 0.02
+FAR_BELOW = 50.0  # of the log density from the known modes to draws that have missed them
 
 FACTS = {
     "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
@@ -200,5 +201,6 @@ SAMPLED = (
     f"importance sampling: standard error of every mean, sd and quantile <= {SAMPLING_ERROR:g} of a standard "
     "deviation (of a quantile in a gap: that of the probability below it, in the units of a normal law), "
     f"of the log evidence <= {SAMPLING_ERROR:g}; >= {LEAST_EFFECTIVE:,.0f} effective draws, none "
-    f"with more than {100 * LARGEST_WEIGHT:g} % of the weight"
+    f"with more than {100 * LARGEST_WEIGHT:g} % of the weight, and the heaviest at most {FAR_BELOW:g} "
+    "below the log density at the known modes"
 )

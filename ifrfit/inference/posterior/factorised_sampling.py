@@ -41,13 +41,14 @@ from ifrfit.inference.posterior.mixture_proposal import (
     lattice,
 )
 from ifrfit.inference.posterior.proposal_adaptation import (
-    DEFENDED,
+    FITTED,
     Gaussian,
     component_about,
     effective_share,
     fitted_components,
     fitted_proposal,
     further_seeds,
+    tempered,
 )
 
 _TRIED = 512, 512, 1024, 2048  # points of each round of adaptation
@@ -59,7 +60,7 @@ _FIRST = 256  # points of each replicate to begin with
 _OF_SERIES = 4  # points of a series at each of them, for each of its constants
 _FITTED, _STEPS, _KEPT = 1024, 8, 6  # points and steps of a fit, components of a series
 _RARER = 4  # so many times fewer points to begin with where true angles are integrated out
-_BESIDE = replace(DEFENDED, long=0.25)  # what laws of shared coordinates have beside their components
+_BESIDE = replace(FITTED, long=0.25)  # what laws of shared coordinates have beside their components
 _AT_FIRST = Beside(wide=0.3, factor=4.0, uniform=0.2)  # the same about known modes
 _OF_A_SERIES = Beside(wide=0.15, factor=5.0, long=0.1, uniform=0.25)  # and the laws of series
 _WORK, _MOST_WORK = 8e6, 25e6  # as of importance sampling without factors
@@ -251,7 +252,7 @@ class _Sampler:
     def fitted(self, laws: _Laws, points: _Points) -> _Laws:
         """Laws fitted to weighted points."""
         density, rng = self.density, self._rng
-        log_weights = _tempered(points.log_weights)
+        log_weights = tempered(points.log_weights, _TEMPERED)
         outer = laws.shared
         if outer is not None:
             start = further_seeds(outer.all_components, points.shared, log_weights, rng)
@@ -417,18 +418,6 @@ def _law_of_series(factor: SeriesFactor, shares: Array, components: Sequence[Com
 def _kappas_differ(problem: Problem) -> bool:
     """Whether series have a kappa each."""
     return len({kappa.name for kappa in problem.parameters.kappas}) > 1
-
-
-def _tempered(log_weights: Array) -> Array:
-    """Log weights times the largest power up to one that leaves enough of the points effective."""
-    low, high = 0.0, 1.0
-    log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
-    if effective_share(log_weights) >= _TEMPERED:
-        return log_weights
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if effective_share(middle * log_weights) >= _TEMPERED else (low, middle)
-    return np.asarray(low * log_weights)
 
 
 def _flat(x: Array) -> Array:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 
@@ -16,7 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from ifrfit.inference.diagnostics.thresholds import LARGEST_WEIGHT, LEAST_EFFECTIVE, SAMPLING_ERROR
+from ifrfit.inference.diagnostics.thresholds import (
+    FAR_BELOW,
+    LARGEST_WEIGHT,
+    LEAST_EFFECTIVE,
+    SAMPLING_ERROR,
+)
 from ifrfit.inference.distributions.draws import Draws, WeightedDraws
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.noise import noise_name
@@ -52,6 +57,10 @@ _FEWER = 4  # times fewer points to begin with where the evidence alone is asked
 _FITS_FIRST = 3  # of the law about the modes, before one is adapted
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
+_FALL, _HEAVIEST = (
+    50.0,
+    64,
+)  # of the log density from the optimum to draws that missed it; draws that are asked
 _NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
 _NORMAL = np.exp(-0.5 * special.ndtri(np.array(LEVELS)) ** 2) / math.sqrt(2.0 * math.pi)  # its density there
 _ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
@@ -183,10 +192,11 @@ def sample_by_importance(
         # a law near to the posterior leaves few draws in a tail that is rare, and makes most of a variance
         best = min(best, best.with_law_fitted(far=True), key=lambda each: each.error_of_one_draw)
     found = best.enough(target)
-    if found.converged or best.effective_share < _EVEN:
-        return found
-    far = best.with_law_fitted(far=True).enough(target)
-    return min(found, far, key=lambda each: max(each.error, each.error_evidence))
+    if not (found.converged or best.effective_share < _EVEN):
+        far = best.with_law_fitted(far=True).enough(target)
+        found = min(found, far, key=lambda each: max(each.error, each.error_evidence))
+    # draws that agree with each other far below the optimum are all about another place
+    return replace(found, error_evidence=math.inf) if best.fall_from(modes) > FAR_BELOW else found
 
 
 class EvidenceByDraws(ABC):
@@ -352,6 +362,12 @@ class _Replicates:
         )
         law = refitted(self.proposal, density, self.at, log_weights, rng)
         return _Replicates(density, law, rng, fewer=self._fewer)
+
+    def fall_from(self, modes: Sequence[Gaussian]) -> float:
+        """From the largest log density at known modes to that at the points of most weight."""
+        heaviest = self.at[np.argsort(self.log_weights)[-_HEAVIEST:]]
+        of_modes = self._density(np.array([centre for centre, _ in modes]))[0]
+        return float(np.nanmax(of_modes) - self._density(heaviest)[0].max())
 
     def enough(self, target: float) -> ImportancePosterior:
         """The posterior by these, as fine as it needs: standard errors in sd of `target`."""

@@ -4,12 +4,16 @@ A population of points begins with the uniform law and one component about each 
 are uneven, a component is added about the point of the largest weight, with the covariance of the points near
 it (IMIS: Raftery & Bao 2010, Biometrics 66, 1162). In the end the components are fitted to the weighted
 population (M-PMC: Cappé, Douc, Guillin, Marin & Robert 2008, Statistics and Computing 18, 447).
+
+What makes most of a variance may hold a millionth of the posterior. So the population holds points of the
+posterior to powers below one, too, and a part of the law is fitted to weights times squared distances.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +27,18 @@ from ifrfit.inference.posterior.mixture_proposal import (
     Uniform,
     lattice,
 )
+from ifrfit.inference.posterior.tempering import POWERS, tempered_points
 
 Array = NDArray[np.float64]
 
 DEFENDED = Beside(wide=0.1, factor=5.0, long=0.05, uniform=0.1)
+FITTED = replace(DEFENDED, wide=0.0)  # what is fitted to squared distances is wide
 _UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of each further component
 _MOST = 24  # components that are added
+_TEMPERED = 512  # points of the laws of each power of the posterior
+_CLOUD, _KEPT_CLOUD = 768, 5  # of those that they are fitted to, and laws of each power at most
 _EVEN = 0.4  # effective share of the points at which the weights are even enough
+_MOST_FAR, _EVEN_FAR = 8, 0.15  # the same of weights times squared distances, over all points
 _NEAR = 256  # points that give a component its covariance
 RESAMPLED = 4096  # points that the components are fitted to
 STEPS = 20  # of expectation and maximisation
@@ -38,6 +47,9 @@ _POINTS = 3.0  # effective points of a component for each of its dimensions
 KEPT = 10  # components at most
 _SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
 _FLAT = 1e-5  # of the domain's width: least sd of a component
+_FAR, _KEPT_FAR = 0.2, 3  # share of components that are fitted to squared distances; how many at most
+_RESAMPLED_FAR, _STEPS_FAR = 1024, 10  # points and steps of their fit
+_LEAST_FAR = 0.05  # effective share of the points that they are fitted to, by a power of their weights
 
 Gaussian = tuple[Array, Array]  # centre (d,) and covariance (d, d)
 
@@ -59,12 +71,24 @@ def adapted_proposal(
     for centre, covariance in modes:
         n = 2 ** round(math.log2(_BY_MODES / len(modes)))
         population.add(component_about(density.coordinates, centre, covariance), n)
+    population.add_tempered()
     for _ in range(_MOST):
         if population.effective_share >= _EVEN:
             break
-        population.add(population.component_at_largest_weight(), _EACH)
+        population.add(population.component_at_largest_weight(population.log_weights), _EACH)
+    for _ in range(_MOST_FAR):
+        log_weights = population.log_weights
+        log_weights = log_weights + _log_distances(density.coordinates.values(population.at), log_weights)
+        if effective_share(log_weights) >= _EVEN_FAR:
+            break
+        population.add(population.component_at_largest_weight(log_weights), _EACH)
     return fitted_proposal(
-        density.coordinates, population.at, population.log_weights, rng, population.gaussians
+        density.coordinates,
+        population.at,
+        population.log_weights,
+        rng,
+        population.gaussians,
+        population.tempered,
     )
 
 
@@ -95,12 +119,13 @@ def fitted_proposal(
     log_weights: Array,
     rng: np.random.Generator,
     start: Sequence[Gaussian],
+    far: Sequence[Gaussian] = (),
     *,
-    beside: Beside = DEFENDED,
+    beside: Beside = FITTED,
     resampled: int = RESAMPLED,
     steps: int = STEPS,
 ) -> MixtureProposal:
-    """Components fitted to weighted points, and the uniform law beside them.
+    """Components fitted to weighted points, some to their squared distances, and the uniform law beside them.
 
     Parameters
     ----------
@@ -110,13 +135,26 @@ def fitted_proposal(
     rng : numpy.random.Generator
     start : sequence of (ndarray, ndarray)
         Centre and covariance of each component to begin with.
+    far : sequence of (ndarray, ndarray)
+        Further ones of the components that are fitted to squared distances.
     beside : Beside
         What the law has beside the components.
     resampled, steps : int
         Points that are fitted to; of expectation and maximisation.
     """
     shares, near = fitted_components(domain, at, log_weights, rng, start, resampled=resampled, steps=steps)
-    return MixtureProposal(domain, tuple(near), shares, beside)
+    away_shares, away = fitted_components(
+        domain,
+        at,
+        tempered(log_weights + _log_distances(domain.values(at), log_weights), _LEAST_FAR),
+        rng,
+        [*start, *far],
+        resampled=_RESAMPLED_FAR,
+        steps=_STEPS_FAR,
+        most=_KEPT_FAR,
+    )
+    both = np.concatenate(((1.0 - _FAR) * shares, _FAR * away_shares))
+    return MixtureProposal(domain, (*near, *away), both, beside)
 
 
 def proposal_about(domain: Coordinates, modes: Sequence[Gaussian]) -> MixtureProposal:
@@ -179,6 +217,27 @@ def further_seeds(
     ]
 
 
+def _log_distances(values: Array, log_weights: Array) -> Array:
+    """Log of 1 + the sum of squared distances from the means, in sd, (m,)."""
+    weights = special.softmax(log_weights)
+    square = (values - weights @ values) ** 2
+    variance = weights @ square
+    in_sd = np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0)
+    return np.asarray(np.log1p(in_sd.sum(axis=1)))
+
+
+def tempered(log_weights: Array, least: float) -> Array:
+    """Log weights times the largest power up to one that leaves a share of the points effective."""
+    low, high = 0.0, 1.0
+    log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
+    if effective_share(log_weights) >= least:
+        return log_weights
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if effective_share(middle * log_weights) >= least else (low, middle)
+    return np.asarray(low * log_weights)
+
+
 def effective_share(log_weights: Array) -> float:
     """Kish's effective sample size over the number of points."""
     weights = special.softmax(log_weights)
@@ -191,13 +250,47 @@ class _Population:
     def __init__(self, density: ConstantsDensity, rng: np.random.Generator) -> None:
         self._density, self._rng = density, rng
         self.gaussians: list[Gaussian] = []
+        self.tempered: list[Gaussian] = []  # of powers of the posterior
         self._components: list[Component | Uniform] = []
         self._counts: list[int] = []
+        self._exploring = 0  # points that were not drawn near to the posterior
         self.at = np.empty((0, density.coordinates.dimensions))
         self._log_p = np.empty(0)
         self._log_q = np.empty((0, 0))  # of each law at each point
 
+    def add_tempered(self) -> None:
+        """Draw points of laws of powers of the posterior, and begin at those of itself if modes miss it."""
+        uniform = self.at[: self._counts[0]], self._log_p[: self._counts[0]]
+        for points in tempered_points(self._density, *uniform, POWERS, self._rng):
+            laws = self._laws_of(points)
+            n = 2 ** round(math.log2(_TEMPERED / len(laws)))
+            for law in laws:
+                self._draw(law, n)
+            self._exploring += n * len(laws)
+            self.tempered += map(_gaussian, laws)
+        if self.effective_share < _EVEN:
+            self.gaussians += self.tempered[-len(laws) :]
+
+    def _laws_of(self, points: Array) -> list[Component]:
+        """Components fitted to points."""
+        domain = self._density.coordinates
+        points = points[self._rng.permutation(len(points))[:_CLOUD]]
+        covariance = np.atleast_2d(np.cov(points, rowvar=False)) / _SEEDS
+        start = [(each, covariance) for each in points[:_SEEDS]]
+        _, fitted = _gaussian_mixture(
+            points, start, _least_sd(domain, self.at), _LEAST, _STEPS_FAR, _KEPT_CLOUD
+        )
+        return [component_about(domain, *each) for each in fitted]
+
     def add(self, component: Component | Uniform, n: int) -> None:
+        """Draw n points of a law, which is one to begin a fit with."""
+        self._draw(component, n)
+        if isinstance(component, Component):
+            self.gaussians.append(_gaussian(component))
+        else:
+            self._exploring += n
+
+    def _draw(self, component: Component | Uniform, n: int) -> None:
         """Draw n points of a law."""
         domain = self._density.coordinates
         new = component.draw(domain, lattice(n, self._rng.random(domain.dimensions)))
@@ -208,8 +301,6 @@ class _Population:
         self._log_p = np.concatenate((self._log_p, self._density(new)[0]))
         self._components.append(component)
         self._counts.append(n)
-        if isinstance(component, Component):
-            self.gaussians.append((component.centre, component.root @ component.root.T))
 
     @property
     def log_weights(self) -> Array:
@@ -219,12 +310,13 @@ class _Population:
 
     @property
     def effective_share(self) -> float:
-        """Effective points over those that were not drawn uniformly."""
-        return effective_share(self.log_weights) * sum(self._counts) / max(sum(self._counts[1:]), 1)
+        """Effective points over those that were drawn near to the posterior."""
+        n = sum(self._counts)
+        return effective_share(self.log_weights) * n / max(n - self._exploring, 1)
 
-    def component_at_largest_weight(self) -> Component:
+    def component_at_largest_weight(self, log_weights: Array) -> Component:
         """A component about the point of the largest weight, as wide as the points near it are spread."""
-        weights = special.softmax(self.log_weights)
+        weights = special.softmax(log_weights)
         centre = self.at[int(weights.argmax())]
         nearest = 1 + int(self._log_q[1:, int(weights.argmax())].argmax())
         own = self._components[nearest]
@@ -235,6 +327,11 @@ class _Population:
         share /= share.sum()
         away = self.at[near] - centre
         return component_about(self._density.coordinates, centre, (away * share[:, None]).T @ away)
+
+
+def _gaussian(component: Component) -> Gaussian:
+    """Centre and covariance of a component."""
+    return component.centre, component.root @ component.root.T
 
 
 def component_about(domain: Coordinates, centre: Array, covariance: Array) -> Component:
