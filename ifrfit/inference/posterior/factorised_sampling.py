@@ -32,6 +32,7 @@ from ifrfit.inference.posterior.importance_sampling import (
     standard_error,
     with_kept_rows,
 )
+from ifrfit.inference.posterior.importance_weights import effective_share, tempered
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.mixture_proposal import (
     Array,
@@ -44,11 +45,9 @@ from ifrfit.inference.posterior.proposal_adaptation import (
     FITTED,
     Gaussian,
     component_about,
-    effective_share,
     fitted_components,
     fitted_proposal,
     further_seeds,
-    tempered,
 )
 
 _TRIED = 512, 512, 1024, 2048  # points of each round of adaptation

@@ -31,13 +31,13 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.grid_settings import fits_at_modes
+from ifrfit.inference.posterior.importance_weights import effective_share
 from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import (
     Gaussian,
     adapted_proposal,
-    effective_share,
     proposal_about,
     refitted,
 )

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.posterior.constants_density import ConstantsDensity, Coordinates
+from ifrfit.inference.posterior.importance_weights import effective_share, tempered
 from ifrfit.inference.posterior.mixture_proposal import (
     Beside,
     Component,
@@ -224,24 +225,6 @@ def _log_distances(values: Array, log_weights: Array) -> Array:
     variance = weights @ square
     in_sd = np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0)
     return np.asarray(np.log1p(in_sd.sum(axis=1)))
-
-
-def tempered(log_weights: Array, least: float) -> Array:
-    """Log weights times the largest power up to one that leaves a share of the points effective."""
-    low, high = 0.0, 1.0
-    log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
-    if effective_share(log_weights) >= least:
-        return log_weights
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if effective_share(middle * log_weights) >= least else (low, middle)
-    return np.asarray(low * log_weights)
-
-
-def effective_share(log_weights: Array) -> float:
-    """Kish's effective sample size over the number of points."""
-    weights = special.softmax(log_weights)
-    return float(1.0 / np.sum(weights**2)) / weights.size
 
 
 class _Population:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
+from ifrfit.inference.posterior.importance_weights import effective_share
 
 Array = NDArray[np.float64]
 
@@ -77,11 +78,11 @@ def tempered_points(
 def _rising(log_p: Array, powers: Sequence[float]) -> list[float]:
     """Rising powers, from one at which uniform points hold the density to the last of those asked for."""
     first = powers[0]
-    if _effective_share(first * log_p) < _EFFECTIVE:
+    if effective_share(first * log_p) < _EFFECTIVE:
         low, high = -30.0, math.log(first)
         for _ in range(30):
             middle = 0.5 * (low + high)
-            is_even = _effective_share(math.exp(middle) * log_p) >= _EFFECTIVE
+            is_even = effective_share(math.exp(middle) * log_p) >= _EFFECTIVE
             low, high = (middle, high) if is_even else (low, middle)
         first = math.exp(low)
     n_first = math.ceil(math.log(powers[0] / first) / math.log(_FAST) - 1e-6)
@@ -92,11 +93,6 @@ def _rising(log_p: Array, powers: Sequence[float]) -> list[float]:
             found += [before * (power / before) ** (k / n) for k in range(1, n)]
         found.append(power)
     return found
-
-
-def _effective_share(log_weights: Array) -> float:
-    weights = special.softmax(log_weights)
-    return float(1.0 / np.sum(weights**2)) / weights.size
 
 
 def _resampled(log_weights: Array, n: int, rng: np.random.Generator) -> NDArray[np.intp]:
