@@ -69,6 +69,14 @@ class Values(NamedTuple):
     value: Array
     sigma: Array
 
+    def of_all(self, n: int) -> Array:
+        """The values of all impacts of a batch, (n,); nan where there is none."""
+        if self.at.size == n:
+            return self.value
+        found = np.full(n, np.nan)
+        found[self.at] = self.value
+        return found
+
 
 @dataclass(frozen=True)
 class Batch:

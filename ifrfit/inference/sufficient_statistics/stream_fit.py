@@ -34,6 +34,7 @@ from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated, source_of
+from ifrfit.inference.sufficient_statistics.copied_impacts import copied_impacts
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
     Correction,
     assumed_by,
@@ -43,6 +44,7 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
     statistics_of_all,
     warnings_of,
 )
+from ifrfit.inference.sufficient_statistics.lack_of_fit_of_means import Rounding, lack_of_fit_of_means
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
@@ -238,6 +240,7 @@ def _estimated(
         _refuse_far_profiles(stream.path, estimation, question.least_rise(problem, optimum, fetched))
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
+    copied, rounding = copied_impacts(of, problem, optimum), Rounding.of(of)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
     optimum = replace(optimum, optimum=replace(optimum.optimum, gap=proven))
@@ -259,7 +262,19 @@ def _estimated(
         inputs=(source,),
         fit=statistics,
         facts=Deferred(
-            lambda: facts_of_all(problem, optimum, result, statistics, estimation, looked_at, kinds, seed)
+            lambda: facts_of_all(
+                problem,
+                optimum,
+                result,
+                statistics,
+                estimation,
+                looked_at,
+                lack_of_fit_of_means(
+                    problem, optimum, kinds, rounding, 1.0 if copied is None else copied.effect
+                ),
+                copied,
+                seed,
+            )
         ),
         warnings=(
             *result.warnings,
