@@ -24,8 +24,9 @@ from ifrfit.inference.diagnostics.optimum_facts import (
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
@@ -148,6 +149,38 @@ def _fit_of_rows(statistics: FitStatistics, sample: FitResult | DataError, of_me
     return own if sample.fit.n == statistics.n else None
 
 
+def _shared_constants(
+    problem: Problem, optimum: LeastSquaresFit, statistics: FitStatistics, of_means: Fact
+) -> Fact | None:
+    """Whether the series share their constants; None where there is nothing to ask.
+
+    Where values scatter by more than their sigma and nothing else is amiss, the noise of the scatter judges,
+    as in memory (`ifrfit.inference.diagnostics.scatter_too_large`): by a sigma that is k times too small what
+    is gained looks k^2 times as large.
+    """
+    shared = pooling(problem, optimum)
+    p = statistics.p_value
+    if shared is None or p is None or p >= REFUTED or not of_means.ok:
+        return None if shared is None else shared.fact
+    z2, counts = (problem.residual(optimum.optimum.theta) / optimum.sigma) ** 2, problem.noise.counts
+    assert counts is not None
+    times = np.ones(z2.size)
+    wide = []
+    for name in problem.rows.names:
+        rows = problem.rows.rows_of(name)
+        square = float(z2[rows].sum())
+        dof = float(counts[rows].sum() - optimum.gaussian.leverage[rows].sum())
+        if dof > 1.0 and float(chdtrc(dof, square)) < REFUTED:
+            wide.append(name)
+            times[rows] = math.sqrt(square / dof)
+    if not wide:
+        return shared.fact
+    policy: Policy = "scaled" if len(wide) == len(problem.rows.names) else "unknown"
+    scattered = problem.with_noise(replace(problem.noise, policy=policy, prior_bounds={}))
+    again = pooling(scattered, refit(scattered, optimum.sigma * times))
+    return again.fact if again is not None and again.fact.ok else shared.fact
+
+
 def facts_of_all(
     problem: Problem,
     optimum: LeastSquaresFit,
@@ -164,11 +197,11 @@ def facts_of_all(
     `result` is that of condensed rows, `statistics` are those of all impacts, as are `of_means` (whether
     these follow the closure) and `copied`.
     """
-    shared = pooling(problem, optimum)
+    shared = _shared_constants(problem, optimum, statistics, of_means)
     if not isinstance(sample, DataError) and _has_slipped(sample):
         shared = None  # single rows tell whether the slip explains as much as series that differ
     asked = {
-        "pooling": None if shared is None else shared.fact,
+        "pooling": shared,
         "unequal_noise": unequal_noise(problem, optimum),
         "noise_modes": several_modes(problem, optimum),
         "noise_dof": few_degrees_of_freedom(problem, optimum),
