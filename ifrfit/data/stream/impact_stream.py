@@ -162,7 +162,8 @@ class ImpactStream:
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
-                    layout = identify(cells_of(batch, piece.path, 0), conventions)
+                    cells = cells_of(batch, piece.path, 0)
+                    layout = identify(cells, conventions, note_open=_left_open)
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
 
@@ -216,7 +217,8 @@ class ImpactStream:
             for batch in _reading(piece):
                 if batch.num_rows:
                     if layout is None:
-                        layout = identify(cells_of(batch, piece.path, 0), self.conventions)
+                        cells = cells_of(batch, piece.path, 0)
+                        layout = identify(cells, self.conventions, note_open=_left_open)
                         refuse_other_columns(
                             layout, self.columns, self._columns_that_count(layout, self.observables)
                         )
@@ -225,7 +227,7 @@ class ImpactStream:
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
                     first = piece.first + seen_rows
                     seen = self._plain_batch(batch, layout, plain, tally)
-                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, plain)
+                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout)
                     if self.has_sigma:
                         for name, values in found.values.items():
                             tally.note_sigma(name, values.sigma, piece.path)
@@ -271,13 +273,10 @@ class ImpactStream:
         seen_rows: int,
         tally: Tally,
         layout: Layout,
-        plain: PlainRows | None,
     ) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
         cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
-        # units that headers leave open are told by the values of each batch
-        known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
-        known = replace(known, note_sizes=tally.note_sizes)
+        known = replace(layout, cells=cells, note_sizes=tally.note_sizes, note_open=tally.note_open)
         return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
 
     def impacts_of(
@@ -453,6 +452,10 @@ class ImpactStream:
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
+
+
+def _left_open(header: str, said: str, answered: bool) -> None:
+    """What headers leave open is judged by all rows, not by the first."""
 
 
 def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:

@@ -155,6 +155,7 @@ def fit_stream(
     check_series(stream.path, stream.selection.series, of.tally.series)
     for sizes in of.tally.sizes.values():
         sizes.refuse()
+    of.tally.refuse_open()
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")

@@ -400,3 +400,33 @@ def test_readings_of_one_impact_are_told(folder):
     again = table.assign(beta=table["beta"] + 0.001)
     written(folder, pd.concat([table, again], ignore_index=True))
     assert any("stands in several rows at one angle" in said for said in ifrfit.fit(folder).warnings)
+
+
+@pytest.mark.parametrize("size", [50, 1000])
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_a_unit_that_a_header_leaves_open_is_told_by_all_rows(folder, monkeypatch, name, size):
+    """A batch of steep impacts alone was refused: "could be in degrees or in radians"."""
+    monkeypatch.setattr(table_batches, "_BATCH", size)
+    table = impacts(400, spin=0.0).sort_values("gamma_deg").rename(columns={"gamma_deg": "gamma"})
+    table["e_n"] *= 100.0
+    table["sigma_e_n"] *= 100.0
+    table.loc[table.index[:60], "gamma"] = np.linspace(0.1, 1.5, 60)
+    table.loc[table.index[:60], "e_n"] = 1.0  # of percent: a batch of nothing else
+    table = table.rename(columns={"e_n": "e_n (%)", "sigma_e_n": "sigma_e_n (%)"})
+    written(folder, table, name)
+    assert_as_in_memory(folder, table)
+
+
+@pytest.mark.parametrize("column", ["gamma", "e_n (%)"])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_unit_that_all_rows_leave_open_is_refused(folder, column, workers):
+    table = impacts(400, spin=0.0)
+    if column == "gamma":
+        table["gamma"] = np.radians(table.pop("gamma_deg"))
+    else:
+        table = table.rename(columns={"e_n": column, "sigma_e_n": f"sigma_{column}"})
+    written(folder, table.iloc[:HALF], "a.parquet")
+    written(folder, table.iloc[HALF:], "b.parquet")
+    for data, options in ((table, {}), (folder, {"workers": workers})):
+        with pytest.raises(DataError, match=r"degrees or in radians|the header says percent, but no value"):
+            ifrfit.fit(data, method=LeastSquares(**options))
