@@ -297,7 +297,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
             noise=noise,
             method="lsq",
             seed=seed,
-            observable=stream.observables,
+            observable=() if stream.beside else stream.observables,
             independent=stream.selection.independent,
         )
 

@@ -126,6 +126,8 @@ class ImpactStream:
         What counts of the columns of the first file, by the names of the schema: every file has the same.
     empty_spins : frozenset of str
         Columns of spins in which nothing stands: no spin, as if there were no column.
+    beside : frozenset of str
+        Observables that are used where those before them, of the same impacts, are not measured.
     """
 
     path: Path
@@ -139,6 +141,7 @@ class ImpactStream:
     notes: tuple[str, ...] = ()
     columns: frozenset[str] = frozenset()
     empty_spins: frozenset[str] = frozenset()
+    beside: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -254,13 +257,18 @@ class ImpactStream:
         if not plain.moves(incidence):
             return None
         values = {}
+        taken: dict[str, Mask] = {}
         for name, key in plain.observables:
             value, at = columns[name], all_rows(n)
             sigma = np.full(n, np.nan) if key is None else columns[key]
-            if value.size and math.isnan(value.sum()):
+            is_gap = value.size and math.isnan(value.sum())
+            if is_gap:
                 at = np.flatnonzero(~np.isnan(value))
-                value, sigma = value[at], sigma[at]
             tally.skipped["not measured"] += n - at.size
+            if self.beside:
+                at = np.flatnonzero(self._not_taken(name, ~np.isnan(value), taken, tally))
+            if at.size < n:
+                value, sigma = value[at], sigma[at]
             values[name] = Values(at, value, sigma)
         for key, size in sizes.items():
             tally.note_largest(layout.header(key), size)
@@ -299,6 +307,7 @@ class ImpactStream:
         incidence = state_of(np.clip(np.nan_to_num(gamma), 0.0, 90.0), *spins)
         undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
         values = {}
+        taken: dict[str, Mask] = {}
         usable = np.ones(gamma.size, dtype=bool)
         for name in self.observables:
             if not layout.has(name):
@@ -310,6 +319,8 @@ class ImpactStream:
             if of.has_angle and not spin_known.all():
                 tally.skipped["spin not measured"] += int(np.count_nonzero(measured & ~spin_known))
                 measured &= spin_known
+            if self.beside:
+                measured = self._not_taken(name, measured, taken, tally)
             good = measured
             refused = dict(settings)
             outside = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
@@ -326,6 +337,19 @@ class ImpactStream:
             at = np.flatnonzero(good)
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
+
+    def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
+        """Values of an observable in impacts of which no observable before it has taken the same measurement.
+
+        `taken` are the impacts by measurement, to which these are added.
+        """
+        free = measured
+        for slot in measurements_of(name):
+            free = free & ~taken.get(slot, np.zeros(measured.size, dtype=bool))
+        for slot in measurements_of(name):
+            taken[slot] = taken.get(slot, np.zeros(measured.size, dtype=bool)) | free
+        tally.skipped["same impacts counted already"] += int(np.count_nonzero(measured & ~free))
+        return free
 
     def _spins_of(self, layout: Layout) -> tuple[list[Array], Mask]:
         """Spins before impact, and where they are known: nothing in a column of spins is no zero."""
@@ -367,15 +391,7 @@ class ImpactStream:
                 f"{path}: there is no column of {missing[0] if missing else 'an observable'}. "
                 f"There is {joined(there) or 'none'}."
             )
-        taken: set[str] = set()
-        used, dropped = [], []
-        for name in (name for name in OBSERVABLES if name in wanted):
-            own = measurements_of(name)
-            if own & taken and not self.selection.independent:
-                dropped.append(name)
-                continue
-            taken |= own
-            used.append(name)
+        used, dropped = _of_different_impacts(wanted, independent=self.selection.independent)
         odd = [name for name in used if name not in STREAMED]
         if odd:
             raise NotStreamableError(
@@ -388,9 +404,16 @@ class ImpactStream:
             raise DataError(f"{path}: there is no incidence angle. Add a column gamma_deg (from the normal).")
         sigmas = [name for name in used if layout.has(f"sigma:{name}")]
         has_sigma = len(sigmas) == len(used) or (layout.has("sigma") and len(used) == 1)
+        # as in memory, unless one that was asked for by name
+        beside = [] if self.selection.observable else [name for name in dropped if name in STREAMED]
+        if has_sigma:
+            beside = [name for name in beside if layout.has(f"sigma:{name}")]
+        rest = [name for name in dropped if name not in beside]
+        words = [f"{joined(beside)} only where these are not measured"] if beside else []
+        words += [f"{joined(rest)} left out"] if rest else []
         note = (
-            f"{Path(path).name}: {joined(used)} used, {joined(dropped)} left out: they are of the same "
-            "impacts and would count them twice"
+            f"{Path(path).name}: {joined(used)} used, {joined(words)}: they are of the same impacts and would "
+            "count them twice"
         )
         first = layout.header(f"sigma:{sigmas[0]}") if sigmas else ""
         alone = (
@@ -399,11 +422,12 @@ class ImpactStream:
         )
         return replace(
             self,
-            observables=tuple(used),
+            observables=tuple(name for name in OBSERVABLES if name in used or name in beside),
+            beside=frozenset(beside),
             has_sigma=has_sigma,
             has_spin=layout.has("spin_x") or layout.has("spin_y"),
             notes=((note,) if dropped else ()) + ((alone,) if sigmas and not has_sigma else ()),
-            columns=self._columns_that_count(layout, used),
+            columns=self._columns_that_count(layout, [*used, *beside]),
         )
 
     def _columns_that_count(self, layout: Layout, used: Sequence[str]) -> frozenset[str]:
@@ -452,6 +476,20 @@ class ImpactStream:
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
+
+
+def _of_different_impacts(wanted: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:
+    """Observables that count no impact twice, in the order of the registry, and the others."""
+    taken: set[str] = set()
+    used, dropped = [], []
+    for name in (name for name in OBSERVABLES if name in wanted):
+        own = measurements_of(name)
+        if own & taken and not independent:
+            dropped.append(name)
+        else:
+            taken |= own
+            used.append(name)
+    return used, dropped
 
 
 def _left_open(header: str, said: str, answered: bool) -> None:

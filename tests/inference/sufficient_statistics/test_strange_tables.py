@@ -430,3 +430,40 @@ def test_a_unit_that_all_rows_leave_open_is_refused(folder, column, workers):
     for data, options in ((table, {}), (folder, {"workers": workers})):
         with pytest.raises(DataError, match=r"degrees or in radians|the header says percent, but no value"):
             ifrfit.fit(data, method=LeastSquares(**options))
+
+
+@pytest.mark.parametrize("gaps", [0, 120])
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("odd", [False, True], ids=["plain", "with an impossible value"])
+def test_a_column_of_the_same_measurement_fills_the_gaps_of_another(folder, gaps, noise, odd):
+    """Where beta_cm was empty and beta was not, the row was lost."""
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n"))
+    table.loc[table.index[:gaps], "beta_cm"] = np.nan
+    table.loc[table.index[100 : 100 + gaps], "beta"] = np.nan
+    kept = table
+    if odd:
+        table.loc[399, "e_n"] = 1e9
+        kept = table.assign(e_n=table["e_n"].where(table.index < 399))
+    written(folder, table.iloc[:HALF], "a.parquet")
+    written(folder, table.iloc[HALF:], "b.parquet")
+    found = assert_as_in_memory(folder, kept, noise=noise)
+    held = ifrfit.fit(kept, method="lsq", noise=noise)
+    assert found.fit.n == held.fit.n
+    once = "same impacts counted already"
+    assert found.inputs[0].rows_skipped.get(once) == held.inputs[0].rows_skipped.get(once)
+
+
+def test_a_second_column_that_has_no_sigma_is_left_out_and_told(folder):
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n")).drop(columns="sigma_beta")
+    written(folder, table)
+    found = ifrfit.fit(folder, method="lsq")
+    assert any("beta left out: they are of the same impacts" in said for said in found.warnings)
+
+
+@pytest.mark.parametrize("method", ["exact", "bootstrap", "profile"])
+def test_every_method_takes_columns_that_fill_each_other(folder, method):
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n"))
+    written(folder, table)
+    found = ifrfit.fit(folder, method=method, seed=1)
+    held = ifrfit.fit(table.drop(columns=["beta", "sigma_beta"]), method="lsq")
+    assert found.constants["mu"].value == pytest.approx(held.constants["mu"].value, abs=held.constants["mu"].stderr)
