@@ -252,7 +252,6 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     selection = selection_of(keywords)
     try:
         in_memory = noise.error_model.beyond_plain
-        in_memory += ("single rows by --exclude",) if selection.exclude else ()
         in_memory += ("a covariance",) if keywords.get("covariance") is not None else ()
         if in_memory:
             raise NotStreamableError(

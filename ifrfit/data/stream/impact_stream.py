@@ -32,6 +32,7 @@ from ifrfit.data.stream.refusals import (
     refuse_summaries,
     refuse_tables_in_memory,
 )
+from ifrfit.data.stream.row_places import excluded_rows, name_of, place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_NO_ROWS = np.empty(0, dtype=np.intp)
 _IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
@@ -128,6 +130,8 @@ class ImpactStream:
         Columns of spins in which nothing stands: no spin, as if there were no column.
     beside : frozenset of str
         Observables that are used where those before them, of the same impacts, are not measured.
+    excluded : tuple of (int, int)
+        Rows that are left out: file, and row in it from 0 on.
     """
 
     path: Path
@@ -142,6 +146,7 @@ class ImpactStream:
     columns: frozenset[str] = frozenset()
     empty_spins: frozenset[str] = frozenset()
     beside: frozenset[str] = frozenset()
+    excluded: tuple[tuple[int, int], ...] = ()
 
     @classmethod
     def of(
@@ -158,7 +163,9 @@ class ImpactStream:
         """
         check_ranges(selection)
         files = stream_files(path)
-        stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
+        excluded = excluded_rows([str(entry).strip() for entry in selection.exclude], files, path)
+        portions = tuple(portions_of(files))
+        stream = cls(path, portions, conventions, selection, inertia_factor, excluded=excluded)
         some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
         refuse_copies(list(dict.fromkeys(some)))
         stream._refuse_duplicates(files)
@@ -167,6 +174,7 @@ class ImpactStream:
                 if batch.num_rows:
                     cells = cells_of(batch, piece.path, 0)
                     layout = identify(cells, conventions, note_open=_left_open)
+                    _refuse_unclear(selection, layout, name_of(piece.path, path))
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
 
@@ -217,6 +225,7 @@ class ImpactStream:
             piece.check_unchanged()
             layout: Layout | None = None
             plain: PlainRows | None = None
+            excluded = self._excluded_in(piece)
             for batch in _reading(piece):
                 if batch.num_rows:
                     if layout is None:
@@ -229,8 +238,12 @@ class ImpactStream:
                             ranges = self.selection.ranges
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
                     first = piece.first + seen_rows
-                    seen = self._plain_batch(batch, layout, plain, tally)
-                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout)
+                    own = excluded[(excluded >= seen_rows) & (excluded < seen_rows + batch.num_rows)]
+                    before = piece.rows_before() if own.size else 0
+                    tally.excluded.update(((piece.number, before + row), None) for row in own.tolist())
+                    seen = None if own.size else self._plain_batch(batch, layout, plain, tally)
+                    out = own - seen_rows
+                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, out)
                     if self.has_sigma:
                         for name, values in found.values.items():
                             tally.note_sigma(name, values.sigma, piece.path)
@@ -239,6 +252,7 @@ class ImpactStream:
                     yield replace(found, number=piece.number, first=first)
                 seen_rows += batch.num_rows
                 tally.rows += batch.num_rows
+            tally.read[place_of(piece.number, piece.first)] = seen_rows
             piece.check_unchanged()
 
     def _plain_batch(
@@ -281,11 +295,32 @@ class ImpactStream:
         seen_rows: int,
         tally: Tally,
         layout: Layout,
+        excluded: NDArray[np.intp],
     ) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
         cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
         known = replace(layout, cells=cells, note_sizes=tally.note_sizes, note_open=tally.note_open)
-        return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
+        series = self._series_of(batch, known, tally)
+        return self.impacts_of(known, series, tally, incidence_of, excluded)
+
+    def _excluded_in(self, piece: Piece) -> NDArray[np.intp]:
+        """Rows of a piece that are left out, from its first on."""
+        own = [row for number, row in self.excluded if number == piece.number]
+        if not own:  # lines before a piece of text are counted where somebody asks
+            return np.empty(0, dtype=np.intp)
+        return np.unique(np.array(own, dtype=np.intp)) - piece.rows_before()
+
+    def refuse_unmet(self, tally: Tally) -> None:
+        """Refuse rows that were to be left out and are not there.
+
+        Raises
+        ------
+        UsageError
+            With the entry.
+        """
+        for entry, place in zip(self.selection.exclude, self.excluded, strict=True):
+            if place not in tally.excluded:
+                raise UsageError(f"--exclude {entry}: there is no such row. Give file and row, FILE:ROW.")
 
     def impacts_of(
         self,
@@ -293,12 +328,15 @@ class ImpactStream:
         series: NDArray[np.intp],
         tally: Tally,
         state_of: Callable[[Array, Array, Array], Incidence] = _IN_NUMPY,
+        excluded: NDArray[np.intp] = _NO_ROWS,
     ) -> tuple[Batch, Mask]:
-        """The impacts of a table, and which of its rows have nothing that was left out."""
+        """The impacts of a table, and which of its rows have nothing that was left out; some are excluded."""
         cells = layout.cells
         spins, spin_known = self._spins_of(layout)
         gamma = layout.gamma()
         settings = self._settings(layout, gamma, spins)
+        if excluded.size:
+            settings["excluded"] = np.isin(np.arange(gamma.size), excluded)
         if self.selection.series:
             wanted = np.array([name in self.selection.series for name in tally.series])
             settings["outside the series"] = ~wanted[series]
@@ -412,8 +450,8 @@ class ImpactStream:
         words = [f"{joined(beside)} only where these are not measured"] if beside else []
         words += [f"{joined(rest)} left out"] if rest else []
         note = (
-            f"{Path(path).name}: {joined(used)} used, {joined(words)}: they are of the same impacts and would "
-            "count them twice"
+            f"{Path(path).name}: {joined(used)} used, {joined(words)}: they are of the same impacts and "
+            "would count them twice"
         )
         first = layout.header(f"sigma:{sigmas[0]}") if sigmas else ""
         alone = (
@@ -490,6 +528,16 @@ def _of_different_impacts(wanted: Sequence[str], *, independent: bool) -> tuple[
             taken |= own
             used.append(name)
     return used, dropped
+
+
+def _refuse_unclear(selection: Selection, layout: Layout, file: str) -> None:
+    """Refuse a number to be left out that may be that of a row or of an impact."""
+    for entry in map(str, selection.exclude) if layout.has("impact_id") else ():
+        if ":" not in entry:
+            raise NotStreamableError(
+                f"--exclude {entry}: could be a row or the impact called {entry}. Write {file}:{entry} for "
+                "the row; impacts are left out of data that are held in memory."
+            )
 
 
 def _left_open(header: str, said: str, answered: bool) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import bisect
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ifrfit.data.stream.files import is_text
+from ifrfit.data.stream.files import NotStreamableError, is_text
 from ifrfit.data.stream.portions import Piece, Portion
+from ifrfit.errors import UsageError
+from ifrfit.text import joined
 
 _ROWS = 40  # bits of a row within its file
 
@@ -17,6 +20,7 @@ class Place(NamedTuple):
 
     Attributes
     ----------
+    path : Path
     file : str
         Its name, with the folders in which it lies below that of the data.
     row : int
@@ -24,6 +28,7 @@ class Place(NamedTuple):
     word : {"line", "row"}
     """
 
+    path: Path
     file: str
     row: int
     word: str
@@ -42,17 +47,79 @@ def name_of(path: Path, data: Path) -> str:
     return path.relative_to(data).as_posix() if path != data and path.is_relative_to(data) else path.name
 
 
-def places_of(numbers: Sequence[int], portions: Sequence[Portion], data: Path) -> list[Place]:
-    """Where rows stand, by their numbers."""
-    pieces: dict[int, list[Piece]] = {}
+def first_row(path: Path) -> int:
+    """Number by which a user calls the first row of a file: a header is the first line of a text."""
+    return 2 if is_text(path) else 1
+
+
+def places_of(
+    numbers: Iterable[int], portions: Sequence[Portion], data: Path, read: Mapping[int, int]
+) -> list[Place]:
+    """Where rows stand, by their numbers.
+
+    Parameters
+    ----------
+    numbers : iterable of int
+    portions : sequence of Portion
+    data : Path
+        The file or folder that was given.
+    read : mapping of int to int
+        Rows that were read of each piece, by the number of its first.
+    """
+    pieces: dict[int, list[tuple[Piece, int]]] = {}
     for piece in (piece for portion in portions for piece in portion):
-        pieces.setdefault(piece.number, []).append(piece)
-    found: list[Place] = []
-    for number in numbers:
-        file, row = number >> _ROWS, number & ((1 << _ROWS) - 1)
+        known = pieces.setdefault(piece.number, [])
+        before = 0
+        if known:
+            last, rows = known[-1]
+            before = rows + read[place_of(last.number, last.first)]
+        known.append((piece, before))
+    firsts = {number: [piece.first for piece, _ in known] for number, known in pieces.items()}
+    found = []
+    for each in numbers:
+        number, row = each >> _ROWS, each & ((1 << _ROWS) - 1)
         # a line has two bytes or more: bytes and rows do not overlap
-        piece = max((one for one in pieces[file] if one.first <= row), key=lambda one: one.first)
-        is_line = is_text(piece.path)
-        row_in_file = piece.rows_before() + row - piece.first + 1 + is_line
-        found.append(Place(name_of(piece.path, data), row_in_file, "line" if is_line else "row"))
+        piece, before = pieces[number][bisect.bisect_right(firsts[number], row) - 1]
+        path = piece.path
+        own = first_row(path) + before + row - piece.first
+        found.append(Place(path, name_of(path, data), own, "line" if is_text(path) else "row"))
     return found
+
+
+def excluded_rows(entries: Sequence[str], files: Sequence[Path], data: Path) -> tuple[tuple[int, int], ...]:
+    """File and row, from 0 on, of each entry of --exclude.
+
+    Raises
+    ------
+    NotStreamableError
+        An entry names no file and row.
+    UsageError
+        It could be of several files.
+    """
+    found = []
+    for entry in entries:
+        source, colon, number = entry.rpartition(":")
+        name = source.replace("\\", "/")
+        own = [
+            place
+            for place, path in enumerate(files)
+            if not colon or name in (str(path), name_of(path, data), path.name)
+        ]
+        exact = [place for place in own if name_of(files[place], data) == name]
+        own = exact or own
+        if not number.isdecimal() or not own:
+            raise NotStreamableError(
+                f"--exclude {entry}: of data that are not held in memory rows are named by file and row, as "
+                f"{name_of(files[0], data)}:{first_row(files[0])}."
+            )
+        if len(own) > 1:
+            names = [name_of(files[place], data) for place in own]
+            raise UsageError(
+                f"--exclude {entry}: could be of {joined(names[:2])}{' and others' if len(own) > 2 else ''}. "
+                f"Write {names[0]}:{number}."
+            )
+        row = int(number) - first_row(files[own[0]])
+        if row < 0:
+            raise UsageError(f"--exclude {entry}: the first row is {first_row(files[own[0]])}.")
+        found.append((own[0], row))
+    return tuple(found)

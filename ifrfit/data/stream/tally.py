@@ -26,6 +26,10 @@ class Tally:
     Attributes
     ----------
     rows : int
+    read : dict of int to int
+        Rows of each piece of a file, by the place of its first (`ifrfit.data.stream.row_places`).
+    excluded : dict of (int, int)
+        Rows met that were to be left out, by file and row in it.
     series : list of str
         Those met, in their order.
     skipped : Counter
@@ -50,6 +54,8 @@ class Tally:
     least_sigma: dict[str, tuple[float, str]] = field(default_factory=dict)
     sizes: dict[str, SizesMet] = field(default_factory=dict)
     open: dict[str, tuple[str, bool]] = field(default_factory=dict)
+    read: dict[int, int] = field(default_factory=dict)
+    excluded: dict[tuple[int, int], None] = field(default_factory=dict)
 
     def note_sizes(self, cells: Cells, header: str, values: NDArray[np.float64]) -> None:
         """See whether a column holds what may be a code for "not measured"."""
@@ -83,7 +89,7 @@ class Tally:
         if not count:
             return
         self.skipped[reason] += count
-        if not reason.startswith("outside "):
+        if reason != "excluded" and not reason.startswith("outside "):
             self._name(reason, [cells.at(row) for row in np.flatnonzero(bad)[:_FEW_PLACES].tolist()])
 
     def note_sigma(self, name: str, sigma: NDArray[np.float64], file: Path | str) -> None:
@@ -119,6 +125,8 @@ class Tally:
             self.note_sigma(name, np.array([least]), file)
         for header, sizes in following.sizes.items():
             self.sizes.setdefault(header, SizesMet()).merge(sizes)
+        self.read.update(following.read)
+        self.excluded.update(following.excluded)
         for header, (said, answered) in following.open.items():
             self.note_open(header, said, answered)
         return self.numbers_of(following.series)
@@ -134,6 +142,8 @@ class Tally:
             "least_sigma": self.least_sigma,
             "sizes": {header: sizes.to_dict() for header, sizes in self.sizes.items()},
             "open": self.open,
+            "read": list(self.read.items()),
+            "excluded": list(self.excluded),
         }
 
     @classmethod
@@ -148,6 +158,8 @@ class Tally:
             {name: (least, file) for name, (least, file) in found["least_sigma"].items()},
             {header: SizesMet.of_dict(sizes) for header, sizes in found["sizes"].items()},
             {header: (said, answered) for header, (said, answered) in found["open"].items()},
+            dict(map(tuple, found["read"])),
+            dict.fromkeys(found["excluded"]),
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

@@ -69,9 +69,8 @@ def copied_impacts(of: Accumulated, problem: Problem, fit: LeastSquaresFit) -> C
         return None
     share = float((count - 1.0).sum() / count.sum())
     rows = of.tally.rows
-    places = places_of(
-        [each for pair in copies.places(_MOST_NAMED) for each in pair], of.stream.portions, of.stream.path
-    )
+    numbers = [each for pair in copies.places(_MOST_NAMED) for each in pair]
+    places = places_of(numbers, of.stream.portions, of.stream.path, of.tally.read)
     named = [f"{again} is {first}" for again, first in zip(places[::2], places[1::2], strict=True)]
     number = (
         f"{(count - 1.0).sum():,.0f}" if copies.holds_all else f"about {float(f'{share * rows:.2g}'):,.0f}"

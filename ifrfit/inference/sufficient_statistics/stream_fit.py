@@ -22,6 +22,7 @@ from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
 from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
 from ifrfit.data.stream.repeated_ids import without_repeated_ids
+from ifrfit.data.stream.row_places import Place
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import Bootstrap, Estimator
 from ifrfit.inference.model.noise import Policy
@@ -156,6 +157,7 @@ def fit_stream(
     for sizes in of.tally.sizes.values():
         sizes.refuse()
     of.tally.refuse_open()
+    stream.refuse_unmet(of.tally)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
@@ -401,10 +403,32 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
     try:
-        cells, _ = without_repeated_ids(of.sample.cells(stream.path), stream.conventions)
-        return fit_sample(observe(cells, stream.conventions, stream.inertia_factor))
+        places = of.sample.places(stream.portions, stream.path, of.tally.read)
+        cells, _ = without_repeated_ids(of.sample.cells(stream.path, places), stream.conventions)
+        return fit_sample(_at(places, observe(cells, stream.conventions, stream.inertia_factor)))
     except DataError as error:
         return error
+
+
+def _at(places: Sequence[Place], drawn: Observations) -> Observations:
+    """A sample whose rows have the files and rows that they stand in: they are numbered from 1."""
+    (whole,) = drawn.sources
+    table = drawn.table
+    number = table["row"].to_numpy(dtype=np.intp)
+    number = number - (2 if whole.word == "line" else 1)
+    file = np.array([place.file for place in places], dtype=object)[number]
+    row = np.array([place.row for place in places])[number]
+    called = np.array([f"{whole.word} {each}" for each in table["row"]], dtype=object)
+    ids = table["impact_id"].to_numpy(dtype=object)
+    anew = np.array([f"{places[k].word} {places[k].row}" for k in number], dtype=object)
+    names, count = np.unique(file.astype(str), return_counts=True)
+    words = {place.file: place.word for place in places}
+    sources = tuple(
+        replace(whole, name=name, rows=rows, rows_used=rows, rows_skipped={}, word=words[name])
+        for name, rows in zip(names.tolist(), count.tolist(), strict=True)
+    )
+    table = table.assign(source=file, row=row, impact_id=np.where(ids == called, anew, ids))
+    return replace(drawn, table=table, sources=sources)
 
 
 def _of_ids(of: Accumulated) -> tuple[str, ...]:

@@ -466,4 +466,6 @@ def test_every_method_takes_columns_that_fill_each_other(folder, method):
     written(folder, table)
     found = ifrfit.fit(folder, method=method, seed=1)
     held = ifrfit.fit(table.drop(columns=["beta", "sigma_beta"]), method="lsq")
-    assert found.constants["mu"].value == pytest.approx(held.constants["mu"].value, abs=held.constants["mu"].stderr)
+    assert found.constants["mu"].value == pytest.approx(
+        held.constants["mu"].value, abs=held.constants["mu"].stderr
+    )
