@@ -167,7 +167,8 @@ class GroupedFiles:
                 first = by_bytes.setdefault(cells.sha256, (path, set(keyed)))
                 if first[0] != path and keyed and (len(cells) >= _NO_CHANCE or first[1] & set(keyed)):
                     raise _CopyError(
-                        f"{path}: the same data as {first[0]}, and would be counted twice. Remove one of them."
+                        f"{path}: the same data as {first[0]}, and would be counted twice. Remove one of "
+                        "them."
                     )
                 if any(path in pair for pair in twins):
                     _refuse_seen(
