@@ -121,7 +121,7 @@ class CopiedRows:
     @property
     def counts(self) -> Array:
         """How often each impact stands there, (k,)."""
-        return self.met[_COUNT].astype(float)
+        return np.asarray(self.met[_COUNT].astype(float))
 
     @property
     def different(self) -> float:

@@ -76,16 +76,17 @@ class Sample:
         return lots, pa.concat_tables(tables, promote_options="permissive")
 
     def cells(self, path: Path, places: Sequence[Place] = ()) -> Cells:
-        """The sample as a table, in the order of the lots; `places` are those of its rows."""
+        """The sample as a table, in the order in which its rows stand; `places` are those of its rows."""
         lots, rows = self._joined()
-        table = rows.take(np.argsort(lots, kind="stable")[:SAMPLE]).combine_chunks()
-        cells = cells_of(table.to_batches()[0], path, 0, texts=True)
+        least = np.argsort(lots, kind="stable")[:SAMPLE]
+        order = least[np.argsort(_rows_of_lots(lots[least]), kind="stable")]
+        cells = cells_of(rows.take(order).combine_chunks().to_batches()[0], path, 0, texts=True)
         return replace(cells, places=[f"{place.path}, {place.word} {place.row}" for place in places])
 
     def places(self, portions: Sequence[Portion], path: Path, read: Mapping[int, int]) -> list[Place]:
-        """Where the rows of the sample stand, in the order of the lots; see `places_of`."""
+        """Where the rows of the sample stand, in their order; see `places_of`."""
         lots = np.sort(np.concatenate([lot for lot, _ in self.drawn]))[:SAMPLE]
-        return places_of(_rows_of_lots(lots).tolist(), portions, path, read)
+        return places_of(np.sort(_rows_of_lots(lots)).tolist(), portions, path, read)
 
     def to_bytes(self) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
         """Lots, and the rows as an Arrow file."""
@@ -121,7 +122,7 @@ def _rows_of_lots(lots: NDArray[np.uint64]) -> NDArray[np.uint64]:
     for shift, factor in ((31, _MIX_C), (27, _MIX_B)):
         z = (z ^ (z >> np.uint64(shift)) ^ (z >> np.uint64(2 * shift))) * np.uint64(pow(factor, -1, 2**64))
     z = z ^ (z >> np.uint64(30)) ^ (z >> np.uint64(60))
-    return z * np.uint64(pow(_MIX_A, -1, 2**64)) - np.uint64(1)
+    return np.asarray(z * np.uint64(pow(_MIX_A, -1, 2**64)) - np.uint64(1))
 
 
 def _lots(

@@ -232,8 +232,8 @@ class _Means:
         z = mean * np.sqrt(whole)
         return _Means(
             z,
-            whole**-0.5,
-            np.bincount(number, self.count),
+            np.asarray(whole**-0.5, dtype=float),
+            np.asarray(np.bincount(number, self.count), dtype=float),
             self.row[first],
             self.group[first],
             self.tau[first],

@@ -469,3 +469,22 @@ def test_every_method_takes_columns_that_fill_each_other(folder, method):
     assert found.constants["mu"].value == pytest.approx(
         held.constants["mu"].value, abs=held.constants["mu"].stderr
     )
+
+
+def test_under_an_unknown_noise_no_sigma_is_missed(folder):
+    """Rows without a sigma were left out, and --noise unknown named as the remedy where these are many."""
+    table = impacts(400)
+    table.loc[5:350, "sigma_beta"] = np.nan
+    found = assert_as_in_memory(written(folder, table), table, noise="unknown")
+    assert found.fit.n == ifrfit.fit(table, method="lsq", noise="unknown").fit.n == 800
+
+
+def test_readings_that_drift_along_the_table_are_told(folder):
+    """The sample, though it held all rows, had them in another order: neither drift nor alike neighbours."""
+    table = impacts(600, 3, spin=0.0)
+    table["beta"] += 0.06 * np.linspace(-1.0, 1.0, 600)
+    written(folder, table, "a.parquet")
+    streamed, held = (ifrfit.fit(data, method="lsq").facts for data in (folder, table))
+    told = {name for name, fact in held.items() if not fact.ok}
+    assert "drift" in held["slips"].says
+    assert {name for name, fact in streamed.items() if not fact.ok} == told
