@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ifrfit.data.stream.files import NotStreamableError, is_text
-from ifrfit.data.stream.portions import Piece, Portion
+from ifrfit.data.stream.portions import Portion
 from ifrfit.errors import UsageError
 from ifrfit.text import joined
 
@@ -66,23 +66,27 @@ def places_of(
     read : mapping of int to int
         Rows that were read of each piece, by the number of its first.
     """
-    pieces: dict[int, list[tuple[Piece, int]]] = {}
+    firsts: dict[
+        int, list[int]
+    ] = {}  # of the pieces of each file, and the row of the file that each begins with
+    begins: dict[int, list[int]] = {}
+    files: dict[int, tuple[Path, str, str]] = {}
+    after = 0
     for piece in (piece for portion in portions for piece in portion):
-        known = pieces.setdefault(piece.number, [])
-        before = 0
-        if known:
-            last, rows = known[-1]
-            before = rows + read[place_of(last.number, last.first)]
-        known.append((piece, before))
-    firsts = {number: [piece.first for piece, _ in known] for number, known in pieces.items()}
+        if piece.number not in files:
+            word = "line" if is_text(piece.path) else "row"
+            files[piece.number] = piece.path, name_of(piece.path, data), word
+            after = first_row(piece.path)
+        firsts.setdefault(piece.number, []).append(piece.first)
+        begins.setdefault(piece.number, []).append(after)
+        after += read[place_of(piece.number, piece.first)]
     found = []
     for each in numbers:
         number, row = each >> _ROWS, each & ((1 << _ROWS) - 1)
         # a line has two bytes or more: bytes and rows do not overlap
-        piece, before = pieces[number][bisect.bisect_right(firsts[number], row) - 1]
-        path = piece.path
-        own = first_row(path) + before + row - piece.first
-        found.append(Place(path, name_of(path, data), own, "line" if is_text(path) else "row"))
+        at = bisect.bisect_right(firsts[number], row) - 1
+        path, name, word = files[number]
+        found.append(Place(path, name, begins[number][at] + row - firsts[number][at], word))
     return found
 
 
