@@ -516,11 +516,11 @@ class ImpactStream:
             tally.provenances[name or said] = None
 
 
-def _of_different_impacts(wanted: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:
+def _of_different_impacts(names: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:
     """Observables that count no impact twice, in the order of the registry, and the others."""
     taken: set[str] = set()
     used, dropped = [], []
-    for name in (name for name in OBSERVABLES if name in wanted):
+    for name in (each for each in OBSERVABLES if each in names):
         own = measurements_of(name)
         if own & taken and not independent:
             dropped.append(name)

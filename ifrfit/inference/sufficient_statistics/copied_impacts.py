@@ -20,7 +20,7 @@ from ifrfit.text import joined, p_text
 
 Array = NDArray[np.float64]
 
-_TWICE = 2.0  # as many as rounding makes, whose number is known from the scatter of a fit
+_AS_MANY = 2.0  # as many as rounding makes, whose number is known from the scatter of a fit
 _MOST_NAMED = 3
 _CERTAIN = 3.0  # pairs of one setting that may be there where none was met, and sds of their number
 
@@ -62,7 +62,7 @@ def copied_impacts(of: Accumulated, problem: Problem, fit: LeastSquaresFit) -> C
         return None
     chance = _chance(of, copies, problem, fit)
     expected = _pairs_of_a_setting(copies) * chance / (1.0 - chance) if chance < 1.0 else math.inf
-    if alike < _TWICE * expected:
+    if alike < _AS_MANY * expected:
         return None
     p = float(special.gammainc(alike, expected)) if expected > 0.0 else 0.0
     if p >= REFUTED:
