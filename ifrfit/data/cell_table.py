@@ -92,6 +92,8 @@ class Cells:
         Which calibration of a figure its common errors are of; empty where it is not said.
     in_memory : bool
         Whether it is no file: its name is then not cut at slashes and dots.
+    places : sequence of str
+        Where each row stands, of rows of several files; else empty.
     """
 
     file: str
@@ -107,6 +109,7 @@ class Cells:
     notes: tuple[str, ...] = ()
     calibration: str = ""
     in_memory: bool = False
+    places: Sequence[str] = ()
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -125,12 +128,12 @@ class Cells:
 
     def at(self, row: int | None = None, header: str | None = None) -> str:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""
-        parts = [self.file]
-        if row is not None:
+        parts = [self.places[row]] if row is not None and self.places else [self.file]
+        if row is not None and not self.places:
             called = f"index {show(self.labels[row])}" if self.labels else ""
             how = ", ".join(filter(None, (self.counted, called)))
             parts.append(f"{self.word} {self.lines[row]}{how and f' ({how})'}")
-        elif header is not None and self.word == "line":
+        elif row is None and header is not None and self.word == "line":
             parts.append(f"line {self.header_line}")
         if header is not None:
             parts.append(f"column {header}")

@@ -58,6 +58,9 @@ class Layout:
     note_sizes : callable or None
         Told of the values of each column that is used, in the place of refusing codes for "not measured": for
         rows that are only some of the table.
+    note_open : callable or None
+        Told of what the header of a column leaves open: the column, what is wrong with it unless some value
+        answers, and whether one of these does. None: it is wrong at once.
     """
 
     cells: Cells
@@ -67,6 +70,7 @@ class Layout:
     notes: list[str] = field(default_factory=list)
     momentum: list[MomentumCheck] = field(default_factory=list)
     note_sizes: Callable[[Cells, str, NDArray[np.float64]], None] | None = None
+    note_open: Callable[[str, str, bool], None] | None = None
 
     def has(self, key: str) -> bool:
         """Tell whether the table has the column."""
@@ -99,7 +103,7 @@ class Layout:
         if column.unit == "1" or (column.dimension == "number" and column.unit is None):
             return values
         if column.dimension == "angle":
-            return to_degrees(values, column, self.cells)
+            return self.degrees_of(column, values)
         if column.unit is None:
             unit = units_of(column.dimension)[0]
             raise DataError(
@@ -115,15 +119,52 @@ class Layout:
         """Uncertainties of the values of an observable that has a column of its own."""
         return self.numbers(f"sigma:{name}" if self.has(f"sigma:{name}") else "sigma")
 
+    def degrees_of(self, column: Column, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return angles in degrees; without a unit the values must tell, or the column is refused.
+
+        Degrees are returned as they are: not a bit is lost.
+        """
+        if column.unit == "deg":
+            return values
+        if column.unit == "rad":
+            return np.asarray(np.degrees(values))
+        # an angle above this many units cannot be in radians: it would be outside its range
+        observable = OBSERVABLES.get(column.key.removeprefix("sigma:"))
+        largest = math.radians(90.0 if observable is None else observable.high)
+        name = parse_header(column.header).name
+        said = (
+            f"{self.cells.at(header=column.header)}: could be in degrees or in radians. Call it {name}_deg "
+            f"or {name}_rad, or say {suggest(f'unit:{column.header}=deg')}."
+        )
+        if column.key.startswith("sigma"):
+            if not np.all(np.isnan(values)):
+                raise DataError(said)
+            return values
+        self._answer(column, values, largest * (1 + 1e-9), said)
+        return values
+
     def _refuse_fractions(self, column: Column, values: NDArray[np.float64]) -> None:
         """Refuse percent that is nowhere above 1: a spreadsheet shows 0.9 as 90 %, and writes 0.9."""
-        known = np.abs(values[np.isfinite(values)])
-        if column.key in OBSERVABLES and known.size and known.max() <= _OF_FRACTIONS:
-            raise DataError(
+        if column.key in OBSERVABLES:
+            known = np.abs(values[np.isfinite(values)])
+            shown = "1.2" if self.note_open is not None else f"{known.max(initial=0.0):.3g}"
+            said = (
                 f"{self.cells.at(header=column.header)}: the header says percent, but no value is above "
-                f"{known.max():.3g}. If they are fractions take the % out of the header; if they are as "
-                "small as that, write them as fractions."
+                f"{shown}. If they are fractions take the % out of the header; if they are as small as that, "
+                "write them as fractions."
             )
+            self._answer(column, values, _OF_FRACTIONS, said)
+
+    def _answer(self, column: Column, values: NDArray[np.float64], largest: float, said: str) -> None:
+        """See whether a value is larger than what would leave its column open; where none is, say so."""
+        size = np.abs(values[np.isfinite(values)])
+        if not size.size:
+            return
+        answered = bool((size > largest).any())
+        if self.note_open is not None:
+            self.note_open(column.header, said, answered)
+        elif not answered:
+            raise DataError(said)
 
     def _numbers_of(self, column: Column) -> NDArray[np.float64]:
         """Numbers of a column as they stand in the file; codes for "not measured" are refused."""
@@ -141,29 +182,6 @@ class Layout:
         else:
             angle = self.numbers("gamma")
         return 90.0 - angle if self.angle_from == "from-wall" else angle
-
-
-def to_degrees(values: NDArray[np.float64], column: Column, cells: Cells) -> NDArray[np.float64]:
-    """Return angles in degrees; without a unit the values must tell, or the column is refused.
-
-    Degrees are returned as they are: not a bit is lost.
-    """
-    if column.unit == "deg":
-        return values
-    if column.unit == "rad":
-        return np.asarray(np.degrees(values))
-    # an angle above this many units cannot be in radians: it would be outside its range
-    observable = OBSERVABLES.get(column.key.removeprefix("sigma:"))
-    largest = math.radians(90.0 if observable is None else observable.high)
-    if column.key.startswith("sigma") or not np.any(np.abs(values) > largest * (1 + 1e-9)):
-        if np.all(np.isnan(values)):
-            return values
-        name = parse_header(column.header).name
-        raise DataError(
-            f"{cells.at(header=column.header)}: could be in degrees or in radians. Call it {name}_deg or "
-            f"{name}_rad, or say {suggest(f'unit:{column.header}=deg')}."
-        )
-    return values
 
 
 # 99 and 999 with a decimal 9 are written as codes, too; a code fills the width of a column

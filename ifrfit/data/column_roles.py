@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
 
 from ifrfit.data.cell_table import NUMBER, Cells
-from ifrfit.data.column_layout import Column, Layout, to_degrees
+from ifrfit.data.column_layout import Column, Layout
 from ifrfit.data.column_names import (
     UNITS,
     WALL_ANGLE,
@@ -36,8 +36,17 @@ _SPINS = {"spin": "omega_y", "spin_after": "omega_y_after"}
 _TURNED = tuple(f"{vector}_{axis}" for vector in ("u", "v", "omega") for axis in "yz")
 
 
-def identify(cells: Cells, conventions: Conventions) -> Layout:
+def identify(
+    cells: Cells, conventions: Conventions, *, note_open: Callable[[str, str, bool], None] | None = None
+) -> Layout:
     """Find out what each column holds.
+
+    Parameters
+    ----------
+    cells : Cells
+    conventions : Conventions
+    note_open : callable, optional
+        As `Layout.note_open`, for rows that are only some of the table.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def identify(cells: Cells, conventions: Conventions) -> Layout:
                 f"--convention names the column '{header}', which {cells.file} does not have. It has "
                 f"{', '.join(cells.headers)}."
             )
-    layout = Layout(cells, conventions)
+    layout = Layout(cells, conventions, note_open=note_open)
     roles = _roles(cells, conventions)
     unknown = [cells.headers[i] for i, role in roles.items() if role.kind == "unknown"]
     if unknown:
@@ -212,7 +221,7 @@ def _inherit_units(layout: Layout) -> None:
             unit = partner.unit
             if unit is None and partner.dimension == "angle":
                 # Raises where the values do not tell; where they do, it can only be degrees.
-                to_degrees(layout.cells.numbers(partner.index), partner, layout.cells)
+                layout.degrees_of(partner, layout.cells.numbers(partner.index))
                 unit = "deg"
             layout.columns[key] = replace(column, unit=unit)
 

@@ -21,6 +21,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
 FILE = "file"  # stands for the name of the file among the columns that groups are formed by
+_NO_CHANCE = 3  # rows that stand alike in two files of other groups for no other reason than a copy
 _SUFFIXES = (".csv", ".tsv", ".parquet")
 
 
@@ -158,10 +159,17 @@ class GroupedFiles:
         without: list[str] = []
         twins = possible_duplicates(self.files)
         seen: dict[Path, Cells] = {}
+        by_bytes: dict[str, tuple[Path, set[tuple[str, ...]]]] = {}
         for number, path in enumerate(self.files):
             try:
                 cells = read_table(path, self.conventions)
                 keyed = self._rows_by_key(cells, path)
+                first = by_bytes.setdefault(cells.sha256, (path, set(keyed)))
+                if first[0] != path and keyed and (len(cells) >= _NO_CHANCE or first[1] & set(keyed)):
+                    raise _CopyError(
+                        f"{path}: the same data as {first[0]}, and would be counted twice. Remove one of "
+                        "them."
+                    )
                 if any(path in pair for pair in twins):
                     _refuse_seen(
                         cells, path, [seen[one] for one, two in twins if two == path and one in seen]
@@ -170,6 +178,8 @@ class GroupedFiles:
             except DataError as error:
                 if isinstance(error, _ColumnMissingError):
                     without.append(error.in_shell)
+                if isinstance(error, _CopyError):  # no group waits for its rows
+                    before.pop(path, None)
                 refused.append(RefusedFile(path.name, error.in_shell))
                 keyed, cells = {}, None
             if len(without) == len(self.files):
@@ -229,9 +239,13 @@ def _refuse_seen(cells: Cells, path: Path, others: Sequence[Cells]) -> None:
     """Refuse a file of the rows of another one."""
     for other in others:
         if len(other) == len(cells) and same_rows(other, cells):
-            raise DataError(
+            raise _CopyError(
                 f"{path}: has the rows of {other.name}, which would be counted twice. Remove one of them."
             )
+
+
+class _CopyError(DataError):
+    """A file has the rows of another one."""
 
 
 class _ColumnMissingError(DataError):

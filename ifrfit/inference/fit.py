@@ -253,7 +253,6 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     selection = selection_of(keywords)
     try:
         in_memory = noise.error_model.beyond_plain
-        in_memory += ("single rows by --exclude",) if selection.exclude else ()
         in_memory += ("a covariance",) if keywords.get("covariance") is not None else ()
         if in_memory:
             raise NotStreamableError(
@@ -298,7 +297,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
             noise=noise,
             method="lsq",
             seed=seed,
-            observable=stream.observables,
+            observable=() if stream.beside else stream.observables,
             independent=stream.selection.independent,
         )
 

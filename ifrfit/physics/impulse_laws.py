@@ -16,6 +16,8 @@ from ifrfit.physics.angles import Array, Incidence
 
 Bool = NDArray[np.bool_]
 
+_ROUNDING = 1e-12  # relative, by which kappa/tau may miss the bound of sticking where it lies on it
+
 
 class Law(Protocol):
     """The impulse factor of one closure at one inertia factor. Arrays broadcast."""
@@ -87,10 +89,12 @@ def impulse_factor(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Evaluate k = a + min(b, kappa U_n/|U_t|), and whether the impact sticks.
 
-    The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
+    The smaller of the two frictions acts, so k is continuous at the transition and finite without slip. An
+    impact on the transition itself sticks, whatever the last digit of its tau says.
     """
     friction, b = friction_factor(incidence, kappa), np.asarray(b)
-    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b)
+    # on the transition itself rounding is not to decide
+    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b - _ROUNDING * np.abs(b))
 
 
 def friction_factor(incidence: Incidence, kappa: ArrayLike) -> Array:

@@ -145,3 +145,29 @@ def test_nothing_to_read(tmp_path):
         table_files([tmp_path])
     with refused(DataError, match="no such file"):
         table_files([tmp_path / "a.csv"])
+
+
+@pytest.mark.parametrize("by", [("material",), ("file",), ("file", "material")])
+def test_a_copy_of_a_file_under_another_name_is_told_and_not_counted(tmp_path, by):
+    """Its rows went into the groups of the first one, or made groups of their own, twice as many."""
+    text = "material,gamma_deg,beta\n" + "".join(f"{m},{20 + i},0.5\n" for m in "ab" for i in range(3))
+    for name, content in (("a", text), ("b", text), ("c", text.replace("0.5", "0.4")), ("d", text)):
+        (tmp_path / f"{name}.csv").write_text(content, encoding="utf-8")
+    files = grouped([tmp_path], *by)
+    found = list(files.groups())
+    refused = [each for each in found if isinstance(each, RefusedFile)]
+    groups = [each for each in found if isinstance(each, Group)]
+    assert [each.name for each in refused] == ["b.csv", "d.csv"]
+    assert all("a.csv, and would be counted twice. Remove one of them." in each.reason for each in refused)
+    assert sum(group.rows for group in groups) == 12
+    assert not any(group.trouble for group in groups)
+
+
+def test_the_rows_of_a_file_in_another_format_trouble_no_group(tmp_path):
+    table = pd.DataFrame({"material": list("aabb"), "gamma_deg": [10.0, 20, 30, 40], "beta": 0.5})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    table.to_parquet(tmp_path / "a.parquet")
+    files = grouped([tmp_path], "material")
+    groups = [each for each in files.groups() if isinstance(each, Group)]
+    assert [group.rows for group in groups] == [2, 2]
+    assert not any(group.trouble for group in groups)

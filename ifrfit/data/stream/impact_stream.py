@@ -32,6 +32,7 @@ from ifrfit.data.stream.refusals import (
     refuse_summaries,
     refuse_tables_in_memory,
 )
+from ifrfit.data.stream.row_places import excluded_rows, name_of, place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_NO_ROWS = np.empty(0, dtype=np.intp)
 _IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
@@ -68,6 +70,14 @@ class Values(NamedTuple):
     at: NDArray[np.intp]
     value: Array
     sigma: Array
+
+    def of_all(self, n: int) -> Array:
+        """The values of all impacts of a batch, (n,); nan where there is none."""
+        if self.at.size == n:
+            return self.value
+        found = np.full(n, np.nan)
+        found[self.at] = self.value
+        return found
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,10 @@ class ImpactStream:
         What counts of the columns of the first file, by the names of the schema: every file has the same.
     empty_spins : frozenset of str
         Columns of spins in which nothing stands: no spin, as if there were no column.
+    beside : frozenset of str
+        Observables that are used where those before them, of the same impacts, are not measured.
+    excluded : tuple of (int, int)
+        Rows that are left out: file, and row in it from 0 on.
     """
 
     path: Path
@@ -131,6 +145,8 @@ class ImpactStream:
     notes: tuple[str, ...] = ()
     columns: frozenset[str] = frozenset()
     empty_spins: frozenset[str] = frozenset()
+    beside: frozenset[str] = frozenset()
+    excluded: tuple[tuple[int, int], ...] = ()
 
     @classmethod
     def of(
@@ -147,14 +163,18 @@ class ImpactStream:
         """
         check_ranges(selection)
         files = stream_files(path)
-        stream = cls(path, tuple(portions_of(files)), conventions, selection, inertia_factor)
+        excluded = excluded_rows([str(entry).strip() for entry in selection.exclude], files, path)
+        portions = tuple(portions_of(files))
+        stream = cls(path, portions, conventions, selection, inertia_factor, excluded=excluded)
         some = (piece.path for piece in stream._pieces() if piece.rows or is_text(piece.path))
         refuse_copies(list(dict.fromkeys(some)))
         stream._refuse_duplicates(files)
         for piece in stream._pieces():
             for batch in _reading(piece):
                 if batch.num_rows:
-                    layout = identify(cells_of(batch, piece.path, 0), conventions)
+                    cells = cells_of(batch, piece.path, 0)
+                    layout = identify(cells, conventions, note_open=_left_open)
+                    _refuse_unclear(selection, layout, name_of(piece.path, path))
                     return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
 
@@ -205,10 +225,12 @@ class ImpactStream:
             piece.check_unchanged()
             layout: Layout | None = None
             plain: PlainRows | None = None
+            excluded = self._excluded_in(piece)
             for batch in _reading(piece):
                 if batch.num_rows:
                     if layout is None:
-                        layout = identify(cells_of(batch, piece.path, 0), self.conventions)
+                        cells = cells_of(batch, piece.path, 0)
+                        layout = identify(cells, self.conventions, note_open=_left_open)
                         refuse_other_columns(
                             layout, self.columns, self._columns_that_count(layout, self.observables)
                         )
@@ -216,8 +238,12 @@ class ImpactStream:
                             ranges = self.selection.ranges
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
                     first = piece.first + seen_rows
-                    seen = self._plain_batch(batch, layout, plain, tally)
-                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, plain)
+                    own = excluded[(excluded >= seen_rows) & (excluded < seen_rows + batch.num_rows)]
+                    before = piece.rows_before() if own.size else 0
+                    tally.excluded.update(((piece.number, before + row), None) for row in own.tolist())
+                    seen = None if own.size else self._plain_batch(batch, layout, plain, tally)
+                    out = own - seen_rows
+                    found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, out)
                     if self.has_sigma:
                         for name, values in found.values.items():
                             tally.note_sigma(name, values.sigma, piece.path)
@@ -226,6 +252,7 @@ class ImpactStream:
                     yield replace(found, number=piece.number, first=first)
                 seen_rows += batch.num_rows
                 tally.rows += batch.num_rows
+            tally.read[place_of(piece.number, piece.first)] = seen_rows
             piece.check_unchanged()
 
     def _plain_batch(
@@ -244,13 +271,18 @@ class ImpactStream:
         if not plain.moves(incidence):
             return None
         values = {}
+        taken: dict[str, Mask] = {}
         for name, key in plain.observables:
             value, at = columns[name], all_rows(n)
             sigma = np.full(n, np.nan) if key is None else columns[key]
-            if value.size and math.isnan(value.sum()):
+            is_gap = value.size and math.isnan(value.sum())
+            if is_gap:
                 at = np.flatnonzero(~np.isnan(value))
-                value, sigma = value[at], sigma[at]
             tally.skipped["not measured"] += n - at.size
+            if self.beside:
+                at = np.flatnonzero(self._not_taken(name, ~np.isnan(value), taken, tally))
+            if at.size < n:
+                value, sigma = value[at], sigma[at]
             values[name] = Values(at, value, sigma)
         for key, size in sizes.items():
             tally.note_largest(layout.header(key), size)
@@ -263,14 +295,32 @@ class ImpactStream:
         seen_rows: int,
         tally: Tally,
         layout: Layout,
-        plain: PlainRows | None,
+        excluded: NDArray[np.intp],
     ) -> tuple[Batch, Mask]:
         """The impacts of a batch, and which of its rows have nothing that was left out."""
         cells = cells_of(batch, piece.path, piece.rows_before() + seen_rows)
-        # units that headers leave open are told by the values of each batch
-        known = identify(cells, self.conventions) if plain is None else replace(layout, cells=cells)
-        known = replace(known, note_sizes=tally.note_sizes)
-        return self.impacts_of(known, self._series_of(batch, known, tally), tally, incidence_of)
+        known = replace(layout, cells=cells, note_sizes=tally.note_sizes, note_open=tally.note_open)
+        series = self._series_of(batch, known, tally)
+        return self.impacts_of(known, series, tally, incidence_of, excluded)
+
+    def _excluded_in(self, piece: Piece) -> NDArray[np.intp]:
+        """Rows of a piece that are left out, from its first on."""
+        own = [row for number, row in self.excluded if number == piece.number]
+        if not own:  # lines before a piece of text are counted where somebody asks
+            return np.empty(0, dtype=np.intp)
+        return np.unique(np.array(own, dtype=np.intp)) - piece.rows_before()
+
+    def refuse_unmet(self, tally: Tally) -> None:
+        """Refuse rows that were to be left out and are not there.
+
+        Raises
+        ------
+        UsageError
+            With the entry.
+        """
+        for entry, place in zip(self.selection.exclude, self.excluded, strict=True):
+            if place not in tally.excluded:
+                raise UsageError(f"--exclude {entry}: there is no such row. Give file and row, FILE:ROW.")
 
     def impacts_of(
         self,
@@ -278,12 +328,15 @@ class ImpactStream:
         series: NDArray[np.intp],
         tally: Tally,
         state_of: Callable[[Array, Array, Array], Incidence] = _IN_NUMPY,
+        excluded: NDArray[np.intp] = _NO_ROWS,
     ) -> tuple[Batch, Mask]:
-        """The impacts of a table, and which of its rows have nothing that was left out."""
+        """The impacts of a table, and which of its rows have nothing that was left out; some are excluded."""
         cells = layout.cells
         spins, spin_known = self._spins_of(layout)
         gamma = layout.gamma()
         settings = self._settings(layout, gamma, spins)
+        if excluded.size:
+            settings["excluded"] = np.isin(np.arange(gamma.size), excluded)
         if self.selection.series:
             wanted = np.array([name in self.selection.series for name in tally.series])
             settings["outside the series"] = ~wanted[series]
@@ -292,6 +345,7 @@ class ImpactStream:
         incidence = state_of(np.clip(np.nan_to_num(gamma), 0.0, 90.0), *spins)
         undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
         values = {}
+        taken: dict[str, Mask] = {}
         usable = np.ones(gamma.size, dtype=bool)
         for name in self.observables:
             if not layout.has(name):
@@ -303,6 +357,8 @@ class ImpactStream:
             if of.has_angle and not spin_known.all():
                 tally.skipped["spin not measured"] += int(np.count_nonzero(measured & ~spin_known))
                 measured &= spin_known
+            if self.beside:
+                measured = self._not_taken(name, measured, taken, tally)
             good = measured
             refused = dict(settings)
             outside = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
@@ -319,6 +375,19 @@ class ImpactStream:
             at = np.flatnonzero(good)
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
+
+    def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
+        """Values of an observable in impacts of which no observable before it has taken the same measurement.
+
+        `taken` are the impacts by measurement, to which these are added.
+        """
+        free = measured
+        for slot in measurements_of(name):
+            free = free & ~taken.get(slot, np.zeros(measured.size, dtype=bool))
+        for slot in measurements_of(name):
+            taken[slot] = taken.get(slot, np.zeros(measured.size, dtype=bool)) | free
+        tally.skipped["same impacts counted already"] += int(np.count_nonzero(measured & ~free))
+        return free
 
     def _spins_of(self, layout: Layout) -> tuple[list[Array], Mask]:
         """Spins before impact, and where they are known: nothing in a column of spins is no zero."""
@@ -360,15 +429,7 @@ class ImpactStream:
                 f"{path}: there is no column of {missing[0] if missing else 'an observable'}. "
                 f"There is {joined(there) or 'none'}."
             )
-        taken: set[str] = set()
-        used, dropped = [], []
-        for name in (name for name in OBSERVABLES if name in wanted):
-            own = measurements_of(name)
-            if own & taken and not self.selection.independent:
-                dropped.append(name)
-                continue
-            taken |= own
-            used.append(name)
+        used, dropped = _of_different_impacts(wanted, independent=self.selection.independent)
         odd = [name for name in used if name not in STREAMED]
         if odd:
             raise NotStreamableError(
@@ -381,9 +442,16 @@ class ImpactStream:
             raise DataError(f"{path}: there is no incidence angle. Add a column gamma_deg (from the normal).")
         sigmas = [name for name in used if layout.has(f"sigma:{name}")]
         has_sigma = len(sigmas) == len(used) or (layout.has("sigma") and len(used) == 1)
+        # as in memory, unless one that was asked for by name
+        beside = [] if self.selection.observable else [name for name in dropped if name in STREAMED]
+        if has_sigma:
+            beside = [name for name in beside if layout.has(f"sigma:{name}")]
+        rest = [name for name in dropped if name not in beside]
+        words = [f"{joined(beside)} only where these are not measured"] if beside else []
+        words += [f"{joined(rest)} left out"] if rest else []
         note = (
-            f"{Path(path).name}: {joined(used)} used, {joined(dropped)} left out: they are of the same "
-            "impacts and would count them twice"
+            f"{Path(path).name}: {joined(used)} used, {joined(words)}: they are of the same impacts and "
+            "would count them twice"
         )
         first = layout.header(f"sigma:{sigmas[0]}") if sigmas else ""
         alone = (
@@ -392,11 +460,12 @@ class ImpactStream:
         )
         return replace(
             self,
-            observables=tuple(used),
+            observables=tuple(name for name in OBSERVABLES if name in used or name in beside),
+            beside=frozenset(beside),
             has_sigma=has_sigma,
             has_spin=layout.has("spin_x") or layout.has("spin_y"),
             notes=((note,) if dropped else ()) + ((alone,) if sigmas and not has_sigma else ()),
-            columns=self._columns_that_count(layout, used),
+            columns=self._columns_that_count(layout, [*used, *beside]),
         )
 
     def _columns_that_count(self, layout: Layout, used: Sequence[str]) -> frozenset[str]:
@@ -445,6 +514,34 @@ class ImpactStream:
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
+
+
+def _of_different_impacts(names: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:
+    """Observables that count no impact twice, in the order of the registry, and the others."""
+    taken: set[str] = set()
+    used, dropped = [], []
+    for name in (each for each in OBSERVABLES if each in names):
+        own = measurements_of(name)
+        if own & taken and not independent:
+            dropped.append(name)
+        else:
+            taken |= own
+            used.append(name)
+    return used, dropped
+
+
+def _refuse_unclear(selection: Selection, layout: Layout, file: str) -> None:
+    """Refuse a number to be left out that may be that of a row or of an impact."""
+    for entry in map(str, selection.exclude) if layout.has("impact_id") else ():
+        if ":" not in entry:
+            raise NotStreamableError(
+                f"--exclude {entry}: could be a row or the impact called {entry}. Write {file}:{entry} for "
+                "the row; impacts are left out of data that are held in memory."
+            )
+
+
+def _left_open(header: str, said: str, answered: bool) -> None:
+    """What headers leave open is judged by all rows, not by the first."""
 
 
 def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:

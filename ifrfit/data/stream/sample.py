@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_layout import Layout
+from ifrfit.data.stream.portions import Portion
+from ifrfit.data.stream.row_places import Place, places_of
 from ifrfit.data.stream.table_batches import cells_of, rows_like_others
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SAMPLE = 20_000  # impacts that are looked at one by one
+_MIX_A, _MIX_B, _MIX_C = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 _SPARE = 4  # a guess of how many rows there are may be so many times too large
 
 
@@ -71,11 +75,18 @@ class Sample:
         lots = np.concatenate([lot for lot, _ in self.drawn])
         return lots, pa.concat_tables(tables, promote_options="permissive")
 
-    def cells(self, path: Path) -> Cells:
-        """The sample as a table, in the order of the lots."""
+    def cells(self, path: Path, places: Sequence[Place] = ()) -> Cells:
+        """The sample as a table, in the order in which its rows stand; `places` are those of its rows."""
         lots, rows = self._joined()
-        table = rows.take(np.argsort(lots, kind="stable")[:SAMPLE]).combine_chunks()
-        return cells_of(table.to_batches()[0], path, 0, texts=True)
+        least = np.argsort(lots, kind="stable")[:SAMPLE]
+        order = least[np.argsort(_rows_of_lots(lots[least]), kind="stable")]
+        cells = cells_of(rows.take(order).combine_chunks().to_batches()[0], path, 0, texts=True)
+        return replace(cells, places=[f"{place.path}, {place.word} {place.row}" for place in places])
+
+    def places(self, portions: Sequence[Portion], path: Path, read: Mapping[int, int]) -> list[Place]:
+        """Where the rows of the sample stand, in their order; see `places_of`."""
+        lots = np.sort(np.concatenate([lot for lot, _ in self.drawn]))[:SAMPLE]
+        return places_of(np.sort(_rows_of_lots(lots)).tolist(), portions, path, read)
 
     def to_bytes(self) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
         """Lots, and the rows as an Arrow file."""
@@ -105,6 +116,15 @@ def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
     return _lots(number, first, np.ones(n, dtype=bool), 2**64 - 1)[0]
 
 
+def _rows_of_lots(lots: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """The numbers of the rows that have some lots: those of `place_of`, by splitmix64 undone."""
+    z = lots
+    for shift, factor in ((31, _MIX_C), (27, _MIX_B)):
+        z = (z ^ (z >> np.uint64(shift)) ^ (z >> np.uint64(2 * shift))) * np.uint64(pow(factor, -1, 2**64))
+    z = z ^ (z >> np.uint64(30)) ^ (z >> np.uint64(60))
+    return np.asarray(z * np.uint64(pow(_MIX_A, -1, 2**64)) - np.uint64(1))
+
+
 def _lots(
     number: int, first: int, is_free: NDArray[np.bool_], most: int
 ) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
@@ -121,9 +141,9 @@ def _drawn(
     count = 0
     seed = np.uint64(first) + (np.uint64(number) << np.uint64(40))
     for i in range(n):
-        z = (seed + np.uint64(i) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z = (seed + np.uint64(i) + np.uint64(1)) * np.uint64(_MIX_A)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX_B)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX_C)
         lots[count], rows[count] = z ^ (z >> np.uint64(31)), i
         count += lots[count] <= most and is_free[i]
     return lots[:count], rows[:count]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.stream.missing_codes import SizesMet
-from ifrfit.errors import UsageError
+from ifrfit.errors import DataError, UsageError
 
 _FEW_PLACES = 3
 _MOST_SERIES = 200
@@ -26,6 +26,10 @@ class Tally:
     Attributes
     ----------
     rows : int
+    read : dict of int to int
+        Rows of each piece of a file, by the place of its first (`ifrfit.data.stream.row_places`).
+    excluded : dict of (int, int)
+        Rows met that were to be left out, by file and row in it.
     series : list of str
         Those met, in their order.
     skipped : Counter
@@ -38,6 +42,8 @@ class Tally:
         Least uncertainty of each observable, and the file.
     sizes : dict of str to SizesMet
         By the header of a column.
+    open : dict of str to (str, bool)
+        What a header leaves open: what is wrong unless a value answers, and whether one did; by the header.
     """
 
     rows: int = 0
@@ -47,6 +53,9 @@ class Tally:
     provenances: dict[str, None] = field(default_factory=dict)
     least_sigma: dict[str, tuple[float, str]] = field(default_factory=dict)
     sizes: dict[str, SizesMet] = field(default_factory=dict)
+    open: dict[str, tuple[str, bool]] = field(default_factory=dict)
+    read: dict[int, int] = field(default_factory=dict)
+    excluded: dict[tuple[int, int], None] = field(default_factory=dict)
 
     def note_sizes(self, cells: Cells, header: str, values: NDArray[np.float64]) -> None:
         """See whether a column holds what may be a code for "not measured"."""
@@ -57,13 +66,30 @@ class Tally:
         known = self.sizes.setdefault(header, SizesMet())
         known.largest = max(known.largest, largest)
 
+    def note_open(self, header: str, said: str, answered: bool) -> None:
+        """See whether values answer what the header of a column leaves open."""
+        known, before = self.open.get(header, (said, False))
+        self.open[header] = (known, before or answered)
+
+    def refuse_open(self) -> None:
+        """Refuse what headers leave open and no value answers.
+
+        Raises
+        ------
+        DataError
+            With the column, and the remedy.
+        """
+        for said, answered in self.open.values():
+            if not answered:
+                raise DataError(said)
+
     def leave_out(self, bad: NDArray[np.bool_], reason: str, cells: Cells) -> None:
         """Count values that are left out; those outside of a range that was asked for have no places."""
         count = int(np.count_nonzero(bad))
         if not count:
             return
         self.skipped[reason] += count
-        if not reason.startswith("outside "):
+        if reason != "excluded" and not reason.startswith("outside "):
             self._name(reason, [cells.at(row) for row in np.flatnonzero(bad)[:_FEW_PLACES].tolist()])
 
     def note_sigma(self, name: str, sigma: NDArray[np.float64], file: Path | str) -> None:
@@ -99,6 +125,10 @@ class Tally:
             self.note_sigma(name, np.array([least]), file)
         for header, sizes in following.sizes.items():
             self.sizes.setdefault(header, SizesMet()).merge(sizes)
+        self.read.update(following.read)
+        self.excluded.update(following.excluded)
+        for header, (said, answered) in following.open.items():
+            self.note_open(header, said, answered)
         return self.numbers_of(following.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -111,6 +141,9 @@ class Tally:
             "provenances": list(self.provenances),
             "least_sigma": self.least_sigma,
             "sizes": {header: sizes.to_dict() for header, sizes in self.sizes.items()},
+            "open": self.open,
+            "read": list(self.read.items()),
+            "excluded": list(self.excluded),
         }
 
     @classmethod
@@ -124,6 +157,9 @@ class Tally:
             dict.fromkeys(found["provenances"]),
             {name: (least, file) for name, (least, file) in found["least_sigma"].items()},
             {header: SizesMet.of_dict(sizes) for header, sizes in found["sizes"].items()},
+            {header: (said, answered) for header, (said, answered) in found["open"].items()},
+            dict(map(tuple, found["read"])),
+            dict.fromkeys(found["excluded"]),
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Source
+from ifrfit.data.stream.copied_rows import CopiedRows
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
+from ifrfit.data.stream.row_places import place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.tally import Tally
 from ifrfit.inference.model.noise import in_steps, resolution
@@ -29,6 +31,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _WINDOW = "window "
+_FINEST = 1e-6  # last decimal that is told from others
 BINS = 2048  # steps of tau/(1 + tau), unless there are very many rows
 MOST_SUMS = 400_000  # intervals times series and observables: 0.2 GiB with what is made of them
 
@@ -57,6 +60,7 @@ class GroupNotes:
     square_sigma: ExactSum = field(default_factory=ExactSum)
     log_sigma: ExactSum = field(default_factory=ExactSum)
     last_decimal: float = 1.0
+    last_decimal_of_gamma: float = 1.0
     least_gamma: float = 90.0
     largest_gamma: float = 0.0
 
@@ -87,6 +91,7 @@ class Accumulated:
         Groups are series times observables.
     groups : list of GroupNotes
     sample : Sample
+    copies : CopiedRows
     window : WindowRows
         Impacts of the intervals that a transition is expected in.
     """
@@ -98,20 +103,21 @@ class Accumulated:
     moments: Moments
     groups: list[GroupNotes]
     sample: Sample
+    copies: CopiedRows
     window: WindowRows
 
     @classmethod
     def nothing(cls, stream: ImpactStream, weighted: bool, intervals: Intervals, window: Mask) -> Accumulated:
         """Of no impacts; `window` are the intervals whose rows are to be kept, (bins,)."""
-        sample = Sample(Sample.below_of(stream.rows))
+        sample, copies = Sample(Sample.below_of(stream.rows)), CopiedRows(CopiedRows.below_of(stream.rows))
         moments = Moments.nothing(0, intervals.count)
-        return cls(stream, weighted, intervals, Tally(), moments, [], sample, WindowRows(window))
+        return cls(stream, weighted, intervals, Tally(), moments, [], sample, copies, WindowRows(window))
 
     def anew(self) -> Accumulated:
         """Of no impacts, with what is to be looked for the same."""
         nothing, window = Moments.nothing(0, self.intervals.count), WindowRows(self.window.inside)
-        sample = Sample(self.sample.below)
-        return Accumulated(self.stream, self.weighted, self.intervals, Tally(), nothing, [], sample, window)
+        fresh = replace(self, tally=Tally(), moments=nothing, groups=[], window=window)
+        return replace(fresh, sample=Sample(self.sample.below), copies=CopiedRows(self.copies.below))
 
     def add(self, batch: Batch) -> None:
         """Add the impacts of a batch, of whose series the tally knows."""
@@ -127,6 +133,10 @@ class Accumulated:
                 self._add_rows(group, name, batch, own, place, x)
             if OBSERVABLES[name].linear is not None:
                 self.window.add(name, batch, values, place)
+        i = batch.incidence
+        whole_columns = [batch.values[name].of_all(batch.gamma_deg.size) for name in names]
+        first = place_of(batch.number, batch.first)
+        self.copies.add((batch.gamma_deg, i.spin_x, i.spin_y), whole_columns, first)
 
     def _add_rows(self, group: int, name: str, batch: Batch, values: Values, place: Place, x: Array) -> None:
         """Add values of one group; `place` and `x` are of all impacts of the batch."""
@@ -195,6 +205,7 @@ class Accumulated:
         for own, notes in zip(at.tolist(), following.groups, strict=True):
             self.groups[own] = self.groups[own].merge(notes)
         self.sample.merge(following.sample)
+        self.copies.merge(following.copies)
         self.window.merge(following.window, series)
 
     def _make_room(self) -> None:
@@ -214,8 +225,8 @@ class Accumulated:
         known.least_gamma = min(known.least_gamma, float(gamma.min()))
         known.largest_gamma = max(known.largest_gamma, float(gamma.max()))
         known.largest_value = max(known.largest_value, float(value.max()), -float(value.min()))
-        if known.last_decimal > 1e-6 and not in_steps(value, known.last_decimal):
-            known.last_decimal = min(known.last_decimal, resolution(value))
+        known.last_decimal = _last_decimal(known.last_decimal, value)
+        known.last_decimal_of_gamma = _last_decimal(known.last_decimal_of_gamma, gamma)
         if self.weighted:
             known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
             known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
@@ -262,6 +273,7 @@ class Accumulated:
             "low": self.moments.low.reshape(-1, SUMS)[seen],
             "lots": lots,
             "rows": rows,
+            **self.copies.to_arrays(),
             **{f"{_WINDOW}{name}": found for name, found in self.window.arrays().items()},
         }
         return {"tally": self.tally.to_dict(), "groups": [asdict(notes) for notes in self.groups]}, arrays
@@ -277,10 +289,18 @@ class Accumulated:
         moments.low.reshape(-1, SUMS)[arrays["seen"]] = arrays["low"]
         part = replace(self.anew(), tally=Tally.of_dict(found["tally"]), moments=moments, groups=groups)
         part.sample = Sample.of_bytes(self.sample.below, arrays["lots"], arrays["rows"])
+        part.copies = CopiedRows.of_arrays(self.copies.below, arrays)
         for name, rows in arrays.items():
             if name.startswith(_WINDOW):
                 part.window.parts[name.removeprefix(_WINDOW)] = [rows]
         return part
+
+
+def _last_decimal(known: float, more: Array) -> float:
+    """The last decimal that numbers are written with, of which some were seen before."""
+    if known <= _FINEST or in_steps(more, known):
+        return known
+    return min(known, resolution(more))
 
 
 def _by_series(series: Index, values: Values, count: int) -> Iterator[tuple[int, Values]]:

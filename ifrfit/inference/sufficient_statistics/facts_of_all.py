@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc
+from scipy.special import chdtrc
 
 from ifrfit.data.observations import Source
 from ifrfit.errors import DataError
@@ -24,15 +24,16 @@ from ifrfit.inference.diagnostics.optimum_facts import (
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
+from ifrfit.inference.sufficient_statistics.copied_impacts import CopiedImpacts
 from ifrfit.inference.sufficient_statistics.moments import S_1, S_Z, S_ZZ, N
-from ifrfit.inference.sufficient_statistics.transition_window import MEAN, SCATTER
 from ifrfit.text import joined
 
 Array = NDArray[np.float64]
@@ -132,41 +133,6 @@ def refuse_lost_digits(of: Accumulated, problem: Problem, theta: Array) -> None:
             )
 
 
-def _lack_of_fit(problem: Problem, optimum: LeastSquaresFit, kinds: NDArray[np.object_]) -> Fact:
-    """Whether the means of narrow intervals of tau follow the closure, by what values scatter about them.
-
-    An F test, of all impacts but those about the transition, of which none is a mean.
-    """
-    counts = problem.noise.counts
-    assert counts is not None
-    z = problem.residual(optimum.optimum.theta) / optimum.sigma
-    is_tangential = problem.rows.of_kind("tangential")
-    means, pairs = (kinds == MEAN) & is_tangential, (kinds == SCATTER) & is_tangential
-    # a pair stands about its mean: what it has in common is that of the mean, its difference is scatter
-    places = np.flatnonzero(pairs).reshape(-1, 2)
-    common, apart = z[places].sum(axis=1) / math.sqrt(2.0), np.diff(z[places], axis=1)[:, 0] / math.sqrt(2.0)
-    between = float(z[means] @ z[means]) + float(common @ common)
-    within = float(apart @ apart)
-    dof = float(means.sum()) + common.size - optimum.gaussian.rank
-    rest = float(counts[means | pairs].sum()) - means.sum() - common.size
-    if dof < 1.0 or rest < 1.0 or within <= 0.0:
-        says = "too few impacts away from the transition to look for lack of fit"
-        return Fact(True, says, {"p": None, "tested": False}, FACTS["lack_of_fit"])
-    p = float(fdtrc(dof, rest, (between / dof) / (within / rest)))
-    departure = math.sqrt(max(between / (within / rest) - dof, 0.0) / float(counts[means | pairs].sum()))
-    figures = {"p": p, "dof": dof, "departure_over_noise": departure}
-    if p < REFUTED:
-        says = (
-            f"the closure does not describe these data (p = {p:.2g}, means of narrow intervals of tau): they "
-            f"depart from it by {departure:.2g} times the noise of one value. ifrfit compare on a part of "
-            "the data shows which closure does"
-        )
-        return Fact(False, says, figures, FACTS["lack_of_fit"])
-    return Fact(
-        True, f"no lack of fit (p = {p:.2g}, means of narrow intervals of tau)", figures, FACTS["lack_of_fit"]
-    )
-
-
 def _fit_of_rows(statistics: FitStatistics, sample: FitResult | DataError, of_means: Fact) -> Fact | None:
     """What rows say of the fit beside the means; None for nothing more than these.
 
@@ -183,6 +149,38 @@ def _fit_of_rows(statistics: FitStatistics, sample: FitResult | DataError, of_me
     return own if sample.fit.n == statistics.n else None
 
 
+def _shared_constants(
+    problem: Problem, optimum: LeastSquaresFit, statistics: FitStatistics, of_means: Fact
+) -> Fact | None:
+    """Whether the series share their constants; None where there is nothing to ask.
+
+    Where values scatter by more than their sigma and nothing else is amiss, the noise of the scatter judges,
+    as in memory (`ifrfit.inference.diagnostics.scatter_too_large`): by a sigma that is k times too small what
+    is gained looks k^2 times as large.
+    """
+    shared = pooling(problem, optimum)
+    p = statistics.p_value
+    if shared is None or p is None or p >= REFUTED or not of_means.ok:
+        return None if shared is None else shared.fact
+    z2, counts = (problem.residual(optimum.optimum.theta) / optimum.sigma) ** 2, problem.noise.counts
+    assert counts is not None
+    times = np.ones(z2.size)
+    wide = []
+    for name in problem.rows.names:
+        rows = problem.rows.rows_of(name)
+        square = float(z2[rows].sum())
+        dof = float(counts[rows].sum() - optimum.gaussian.leverage[rows].sum())
+        if dof > 1.0 and float(chdtrc(dof, square)) < REFUTED:
+            wide.append(name)
+            times[rows] = math.sqrt(square / dof)
+    if not wide:
+        return shared.fact
+    policy: Policy = "scaled" if len(wide) == len(problem.rows.names) else "unknown"
+    scattered = problem.with_noise(replace(problem.noise, policy=policy, prior_bounds={}))
+    again = pooling(scattered, refit(scattered, optimum.sigma * times))
+    return again.fact if again is not None and again.fact.ok else shared.fact
+
+
 def facts_of_all(
     problem: Problem,
     optimum: LeastSquaresFit,
@@ -190,18 +188,20 @@ def facts_of_all(
     statistics: FitStatistics,
     estimation: Estimation,
     sample: FitResult | DataError,
-    kinds: NDArray[np.object_],
+    of_means: Fact,
+    copied: CopiedImpacts | None,
     seed: int,
 ) -> dict[str, Fact]:
     """Of the optimum and of the method those of all impacts, the others those of the sample.
 
-    `result` is that of condensed rows, `statistics` are those of all impacts.
+    `result` is that of condensed rows, `statistics` are those of all impacts, as are `of_means` (whether
+    these follow the closure) and `copied`.
     """
-    shared = pooling(problem, optimum)
+    shared = _shared_constants(problem, optimum, statistics, of_means)
     if not isinstance(sample, DataError) and _has_slipped(sample):
         shared = None  # single rows tell whether the slip explains as much as series that differ
     asked = {
-        "pooling": None if shared is None else shared.fact,
+        "pooling": shared,
         "unequal_noise": unequal_noise(problem, optimum),
         "noise_modes": several_modes(problem, optimum),
         "noise_dof": few_degrees_of_freedom(problem, optimum),
@@ -213,7 +213,6 @@ def facts_of_all(
         problem, optimum, result.constants, result.fit.n_sticking, result.fit.n_sliding
     )
     own["at_bound"] = at_bound(result.constants)
-    of_means = _lack_of_fit(problem, optimum, kinds)
     own["lack_of_fit"] = _fit_of_rows(statistics, sample, of_means) or of_means
     if isinstance(sample, DataError):
         return own
@@ -221,6 +220,10 @@ def facts_of_all(
     if scatter is not None and not scatter.ok and own["lack_of_fit"].ok:
         del own["lack_of_fit"]  # means of many values do not tell how far single ones scatter
     of_rows = dict(sample.facts)
+    first = {}
+    if copied is not None and sample.fit.n < statistics.n:
+        first = {"duplicates": copied.fact}
+        of_rows.pop("duplicates", None)
     checked = _predictive(sample, estimation, seed)
     if checked is not None:
         of_rows["predictive"] = checked
@@ -230,6 +233,7 @@ def facts_of_all(
         if name not in own
     }
     return {
+        **first,  # whatever else misfits may follow from it
         **{k: f for k, f in looked.items() if not f.ok},
         **own,
         **{k: f for k, f in looked.items() if f.ok},

@@ -23,6 +23,7 @@ from ifrfit.data.observations import Observations, Source
 from ifrfit.data.readers import observe
 from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
 from ifrfit.data.stream.repeated_ids import without_repeated_ids
+from ifrfit.data.stream.row_places import Place
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.estimators import Bootstrap
@@ -43,6 +44,7 @@ from ifrfit.inference.sufficient_statistics.accumulated import (
     source_of,
 )
 from ifrfit.inference.sufficient_statistics.condensed_transition import solve_condensed
+from ifrfit.inference.sufficient_statistics.copied_impacts import copied_impacts
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
     Correction,
     assumed_by,
@@ -52,6 +54,7 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
     statistics_of_all,
     warnings_of,
 )
+from ifrfit.inference.sufficient_statistics.lack_of_fit_of_means import Rounding, lack_of_fit_of_means
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
@@ -150,6 +153,8 @@ def fit_stream(
     """
     for each in asked:
         _refuse(each.closure, policy, estimator)
+    if policy == "unknown":  # no sigma is used, and none is missed
+        reader = replace(reader, stream=replace(reader.stream, has_sigma=False))
     stream = reader.stream
     weighted = stream.has_sigma if policy is None else policy == "known"
     if weighted and not stream.has_sigma:
@@ -163,6 +168,8 @@ def fit_stream(
     check_series(stream.path, stream.selection.series, of.tally.series)
     for sizes in of.tally.sizes.values():
         sizes.refuse()
+    of.tally.refuse_open()
+    stream.refuse_unmet(of.tally)
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
@@ -272,6 +279,7 @@ def _estimated(
         _refuse_far_profiles(stream.path, estimation, least)
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
     kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
+    copied, rounding = copied_impacts(of, problem, optimum), Rounding.of(of)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
     if proven is not None:
@@ -301,7 +309,19 @@ def _estimated(
         inputs=(source,),
         fit=statistics,
         facts=Deferred(
-            lambda: facts_of_all(problem, optimum, result, statistics, estimation, looked_at, kinds, seed)
+            lambda: facts_of_all(
+                problem,
+                optimum,
+                result,
+                statistics,
+                estimation,
+                looked_at,
+                lack_of_fit_of_means(
+                    problem, optimum, kinds, rounding, 1.0 if copied is None else copied.effect
+                ),
+                copied,
+                seed,
+            )
         ),
         warnings=(
             *result.warnings,
@@ -431,10 +451,32 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     if not of.sample.drawn:
         return DataError("no row is whole; of each some value is left out.")
     try:
-        cells, _ = without_repeated_ids(of.sample.cells(stream.path), stream.conventions)
-        return fit_sample(observe(cells, stream.conventions, stream.inertia_factor))
+        places = of.sample.places(stream.portions, stream.path, of.tally.read)
+        cells, _ = without_repeated_ids(of.sample.cells(stream.path, places), stream.conventions)
+        return fit_sample(_at(places, observe(cells, stream.conventions, stream.inertia_factor)))
     except DataError as error:
         return error
+
+
+def _at(places: Sequence[Place], drawn: Observations) -> Observations:
+    """A sample whose rows have the files and rows that they stand in: they are numbered from 1."""
+    (whole,) = drawn.sources
+    table = drawn.table
+    number = table["row"].to_numpy(dtype=np.intp)
+    number = number - (2 if whole.word == "line" else 1)
+    file = np.array([place.file for place in places], dtype=object)[number]
+    row = np.array([place.row for place in places])[number]
+    called = np.array([f"{whole.word} {each}" for each in table["row"]], dtype=object)
+    ids = table["impact_id"].to_numpy(dtype=object)
+    anew = np.array([f"{places[k].word} {places[k].row}" for k in number], dtype=object)
+    names, count = np.unique(file.astype(str), return_counts=True)
+    words = {place.file: place.word for place in places}
+    sources = tuple(
+        replace(whole, name=name, rows=rows, rows_used=rows, rows_skipped={}, word=words[name])
+        for name, rows in zip(names.tolist(), count.tolist(), strict=True)
+    )
+    table = table.assign(source=file, row=row, impact_id=np.where(ids == called, anew, ids))
+    return replace(drawn, table=table, sources=sources)
 
 
 def _of_ids(of: Accumulated) -> tuple[str, ...]:

@@ -78,3 +78,27 @@ def test_the_posterior_of_all_predicts_the_sample(tmp_path):
     assert not bent.facts["predictive"].ok
     assert any(said.startswith("--scene none.toml: not looked at") for said in bent.warnings)
     assert "predictive" not in ifrfit.fit(folder, method="lsq").facts
+
+
+@pytest.mark.parametrize("too_small", ["all", "beta"])
+def test_a_sigma_that_is_too_small_makes_no_series_differ(tmp_path, too_small):
+    """Of 60 pairs of equal series, with a sigma of half the scatter, 16 differed by the sigma as given."""
+    table = two_series(600, (0.15, 0.15), seed=208)
+    for name in ("beta", "e_n") if too_small == "all" else ("beta",):
+        table[f"sigma_{name}"] /= 2.0
+    streamed, held = both(tmp_path, table)
+    ours, theirs = streamed.facts["pooling"], held.facts["pooling"]
+    assert theirs.ok
+    assert ours.ok
+    if too_small == "all":  # else memory weighs no value by a sigma, and sums do
+        for name, p in theirs.figures["p"].items():
+            assert ours.figures["p"][name] == pytest.approx(p, rel=1e-3)
+
+
+def test_series_that_differ_do_so_beside_a_sigma_that_is_too_small(tmp_path):
+    table = two_series(600, (0.15, 0.17))
+    for name in ("beta", "e_n"):
+        table[f"sigma_{name}"] /= 2.0
+    streamed, held = both(tmp_path, table)
+    assert not streamed.facts["pooling"].ok
+    assert not held.facts["pooling"].ok

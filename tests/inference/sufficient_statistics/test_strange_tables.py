@@ -400,3 +400,91 @@ def test_readings_of_one_impact_are_told(folder):
     again = table.assign(beta=table["beta"] + 0.001)
     written(folder, pd.concat([table, again], ignore_index=True))
     assert any("stands in several rows at one angle" in said for said in ifrfit.fit(folder).warnings)
+
+
+@pytest.mark.parametrize("size", [50, 1000])
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_a_unit_that_a_header_leaves_open_is_told_by_all_rows(folder, monkeypatch, name, size):
+    """A batch of steep impacts alone was refused: "could be in degrees or in radians"."""
+    monkeypatch.setattr(table_batches, "_BATCH", size)
+    table = impacts(400, spin=0.0).sort_values("gamma_deg").rename(columns={"gamma_deg": "gamma"})
+    table["e_n"] *= 100.0
+    table["sigma_e_n"] *= 100.0
+    table.loc[table.index[:60], "gamma"] = np.linspace(0.1, 1.5, 60)
+    table.loc[table.index[:60], "e_n"] = 1.0  # of percent: a batch of nothing else
+    table = table.rename(columns={"e_n": "e_n (%)", "sigma_e_n": "sigma_e_n (%)"})
+    written(folder, table, name)
+    assert_as_in_memory(folder, table)
+
+
+@pytest.mark.parametrize("column", ["gamma", "e_n (%)"])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_unit_that_all_rows_leave_open_is_refused(folder, column, workers):
+    table = impacts(400, spin=0.0)
+    if column == "gamma":
+        table["gamma"] = np.radians(table.pop("gamma_deg"))
+    else:
+        table = table.rename(columns={"e_n": column, "sigma_e_n": f"sigma_{column}"})
+    written(folder, table.iloc[:HALF], "a.parquet")
+    written(folder, table.iloc[HALF:], "b.parquet")
+    for data, options in ((table, {}), (folder, {"workers": workers})):
+        with pytest.raises(DataError, match=r"degrees or in radians|the header says percent, but no value"):
+            ifrfit.fit(data, method=LeastSquares(**options))
+
+
+@pytest.mark.parametrize("gaps", [0, 120])
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("odd", [False, True], ids=["plain", "with an impossible value"])
+def test_a_column_of_the_same_measurement_fills_the_gaps_of_another(folder, gaps, noise, odd):
+    """Where beta_cm was empty and beta was not, the row was lost."""
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n"))
+    table.loc[table.index[:gaps], "beta_cm"] = np.nan
+    table.loc[table.index[100 : 100 + gaps], "beta"] = np.nan
+    kept = table
+    if odd:
+        table.loc[399, "e_n"] = 1e9
+        kept = table.assign(e_n=table["e_n"].where(table.index < 399))
+    written(folder, table.iloc[:HALF], "a.parquet")
+    written(folder, table.iloc[HALF:], "b.parquet")
+    found = assert_as_in_memory(folder, kept, noise=noise)
+    held = ifrfit.fit(kept, method="lsq", noise=noise)
+    assert found.fit.n == held.fit.n
+    once = "same impacts counted already"
+    assert found.inputs[0].rows_skipped.get(once) == held.inputs[0].rows_skipped.get(once)
+
+
+def test_a_second_column_that_has_no_sigma_is_left_out_and_told(folder):
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n")).drop(columns="sigma_beta")
+    written(folder, table)
+    found = ifrfit.fit(folder, method="lsq")
+    assert any("beta left out: they are of the same impacts" in said for said in found.warnings)
+
+
+@pytest.mark.parametrize("method", ["exact", "bootstrap", "profile"])
+def test_every_method_takes_columns_that_fill_each_other(folder, method):
+    table = impacts(400, 1, columns=("beta_cm", "beta", "e_n"))
+    written(folder, table)
+    found = ifrfit.fit(folder, method=method, seed=1)
+    held = ifrfit.fit(table.drop(columns=["beta", "sigma_beta"]), method="lsq")
+    assert found.constants["mu"].value == pytest.approx(
+        held.constants["mu"].value, abs=held.constants["mu"].stderr
+    )
+
+
+def test_under_an_unknown_noise_no_sigma_is_missed(folder):
+    """Rows without a sigma were left out, and --noise unknown named as the remedy where these are many."""
+    table = impacts(400)
+    table.loc[5:350, "sigma_beta"] = np.nan
+    found = assert_as_in_memory(written(folder, table), table, noise="unknown")
+    assert found.fit.n == ifrfit.fit(table, method="lsq", noise="unknown").fit.n == 800
+
+
+def test_readings_that_drift_along_the_table_are_told(folder):
+    """The sample, though it held all rows, had them in another order: neither drift nor alike neighbours."""
+    table = impacts(600, 3, spin=0.0)
+    table["beta"] += 0.06 * np.linspace(-1.0, 1.0, 600)
+    written(folder, table, "a.parquet")
+    streamed, held = (ifrfit.fit(data, method="lsq").facts for data in (folder, table))
+    told = {name for name, fact in held.items() if not fact.ok}
+    assert "drift" in held["slips"].says
+    assert {name for name, fact in streamed.items() if not fact.ok} == told

@@ -83,7 +83,7 @@ def test_what_a_comparison_cannot_have(tmp_path):
     with pytest.raises(UsageError, match="needs the rows one by one"):
         ifrfit.compare(folder, ("ifr", "maw"))
     with pytest.raises(UsageError, match="in memory"):
-        ifrfit.compare(folder, exclude=("7",))
+        ifrfit.compare(folder, exclude=("drop 3",))
     with pytest.raises(UsageError, match="known or unknown"):
         ifrfit.compare(folder, noise="scaled")
 

@@ -225,7 +225,7 @@ def test_figure_and_report_of_a_sample_say_so(tmp_path):
         ({"method": "mcmc"}, "exact, lsq, profile or bootstrap"),
         ({"noise": "scaled"}, "known or unknown"),
         ({"noise": ifrfit.Noise("known", tails="student-t")}, "in memory"),
-        ({"exclude": ("7",)}, "in memory"),
+        ({"exclude": ("drop 3",)}, "in memory"),
         ({"closure": "maw"}, "rows one by one"),
         ({"observable": "v_n"}, "no column of v_n"),
     ],
@@ -259,7 +259,8 @@ def test_a_large_file_is_streamed_unasked(tmp_path, monkeypatch):
     assert streamed.problem is None
     assert_same(streamed, held)
     # what cannot be streamed is held in memory, if it is a file
-    assert ifrfit.fit(tmp_path / "all.parquet", method="lsq", exclude=("7",)).problem is not None
+    tails = ifrfit.Noise("known", tails="student-t")
+    assert ifrfit.fit(tmp_path / "all.parquet", method="lsq", noise=tails).problem is not None
 
 
 def test_the_same_file_twice_is_refused(tmp_path):
