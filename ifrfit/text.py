@@ -84,6 +84,14 @@ def p_text(p: float) -> str:
     return f"{p:.2g}" if p >= 1e-3 else f"{p:.0e}"
 
 
+def times_text(factor: float) -> str:
+    """How many times more, of a factor above one: two digits of it, or of what it is beyond one."""
+    beyond = factor - 1.0
+    if not 0.0 < beyond < 0.095:
+        return f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
+    return f"{factor:.{1 - math.floor(math.log10(beyond))}f}"
+
+
 def power_of_ten(number: float) -> str:
     """A number with one digit and its power of ten, as 1e-3; 0 as it is."""
     if number == 0.0:

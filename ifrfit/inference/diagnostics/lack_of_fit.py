@@ -18,7 +18,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, fitted_constants, refit
 from ifrfit.inference.result.types import Fact
-from ifrfit.text import joined, p_text
+from ifrfit.text import joined, p_text, times_text
 
 _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whether that mends the fit
 _COMFORTABLE = 0.05
@@ -183,10 +183,9 @@ def scatter_too_small(
     factor = math.sqrt(dof / max(chi2, 1e-300))
     figures = {"p": p, "chi2": chi2, "dof": dof, "factor": factor, "observables": narrow or list(each)}
     why = _too_large(problem, rows, residuals.standardised[rows], dof, factor)
-    times = f"{factor:.2g}" if factor < 99.5 else f"{factor:.3g}"
     says = (
-        f"{which} scatter {times} times less than their sigma (chi2 = {chi2:.3g} for {dof:.0f} degrees of "
-        f"freedom, p = {p_text(p)}): {why}"
+        f"{which} scatter {times_text(factor)} times less than their sigma (chi2 = {chi2:.3g} for "
+        f"{dof:.0f} degrees of freedom, p = {p_text(p)}): {why}"
         f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])

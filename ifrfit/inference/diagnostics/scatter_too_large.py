@@ -23,7 +23,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
-from ifrfit.text import joined, p_text
+from ifrfit.text import joined, p_text, times_text
 
 _EVEN = 0.05  # p of a lack of fit at the noise of the scatter, from which nothing speaks against the law
 _EXPLAINED = 0.01  # p of chi2 that a slip or an effect leaves, from which it is the reason
@@ -120,8 +120,9 @@ def scatter_too_large(
         policy = "unknown" if scattered.noise.is_mixed else scattered.noise.policy
         remedy = f";{by_hand} --noise {policy} takes its size from the scatter{anew}"
     says = (
-        f"{which} scatter {factor:.2g} times more than their sigma, without a trend (chi2 = {squares:.3g} "
-        f"for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): {why}{remedy}"
+        f"{which} scatter {times_text(factor)} times more than their sigma, without a trend (chi2 = "
+        f"{squares:.3g} for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): "
+        f"{why}{remedy}"
     )
     figures = {"p": p_chi2, "chi2": squares, "dof": own_dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)

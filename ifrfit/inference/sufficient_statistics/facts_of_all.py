@@ -34,6 +34,7 @@ from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.copied_impacts import CopiedImpacts
 from ifrfit.inference.sufficient_statistics.moments import S_1, S_Z, S_ZZ, N
+from ifrfit.inference.sufficient_statistics.scatter_of_all import scatter_of_all, scatter_of_each
 from ifrfit.text import joined
 
 Array = NDArray[np.float64]
@@ -162,17 +163,10 @@ def _shared_constants(
     p = statistics.p_value
     if shared is None or p is None or p >= REFUTED or not of_means.ok:
         return None if shared is None else shared.fact
-    z2, counts = (problem.residual(optimum.optimum.theta) / optimum.sigma) ** 2, problem.noise.counts
-    assert counts is not None
-    times = np.ones(z2.size)
-    wide = []
-    for name in problem.rows.names:
-        rows = problem.rows.rows_of(name)
-        square = float(z2[rows].sum())
-        dof = float(counts[rows].sum() - optimum.gaussian.leverage[rows].sum())
-        if dof > 1.0 and float(chdtrc(dof, square)) < REFUTED:
-            wide.append(name)
-            times[rows] = math.sqrt(square / dof)
+    wide = {name: found for name, found in scatter_of_each(problem, optimum).items() if found.is_wide}
+    times = np.ones(len(problem.rows))
+    for name, found in wide.items():
+        times[problem.rows.rows_of(name)] = found.factor
     if not wide:
         return shared.fact
     policy: Policy = "scaled" if len(wide) == len(problem.rows.names) else "unknown"
@@ -227,10 +221,13 @@ def facts_of_all(
     checked = _predictive(sample, estimation, seed)
     if checked is not None:
         of_rows["predictive"] = checked
+    is_whole = all(fact.ok for name, fact in of_rows.items() if name != "predictive") and copied is None
+    if statistics.p_value is not None and sample.fit.n < statistics.n and of_means.ok and is_whole:
+        first |= scatter_of_all(problem, optimum)
     looked = {
         name: replace(fact, says=f"in a sample of {len(sample.points):,} values: {fact.says}")
         for name, fact in of_rows.items()
-        if name not in own
+        if name not in own and name not in first
     }
     return {
         **first,  # whatever else misfits may follow from it
