@@ -22,6 +22,7 @@ from ifrfit.text import joined, p_text
 _MOST_NAMED = 6  # rows
 _FEWEST_FILLED = 3  # cells of one number that may be the mean of the others
 _MORE = 2.0  # times as many as of any other number
+AS_MANY = 2.0  # as many impacts alike as expected, whose number is known from the scatter of a fit
 
 
 def repeated_number(problem: Problem, found: LeastSquaresFit) -> Fact | None:
@@ -158,7 +159,9 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Count impacts of one setting whose values agree, and compare with what noise and rounding make of them.
 
     Two readings of one setting agree with probability r/(2 sqrt(pi) sigma) in an observable that is rounded
-    to steps of r; the number of pairs that do is taken as Poisson distributed. Of repeats of single readings
+    to steps of r; the number of pairs that do is taken as Poisson distributed. Where the noise differs from
+    impact to impact more of them do: about half as many as differ by one step in one observable. No
+    fewer than twice what is expected are called copies. Of repeats of single readings
     but those of two series count, in their order, and each agrees as often as any two readings do at least:
     what steps an instrument has is not known.
 
@@ -173,7 +176,7 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     key = _numbered(rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed)
     order = np.lexsort((key, rows.impacts))
     count = np.bincount(rows.impacts)[rows.impacts[order]]
-    expected, pairs = 0.0, 0
+    expected, pairs, beside = 0.0, 0, 0.0
     copies: list[tuple[int, int]] = []
     for size in np.unique(count).tolist():
         own = order[count == size].reshape(-1, size)  # rows of each impact, in the same order of all
@@ -193,10 +196,12 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         )
         equal = np.bincount(alike)
         pairs += int((equal * (equal - 1) // 2).sum())
+        beside += _one_step_apart(problem, own, setting)
         again = np.delete(np.arange(len(own)), once)
         copies += zip(own[once[alike[again]], 0].tolist(), own[again, 0].tolist(), strict=True)
+    expected = max(expected, beside)
     p = float(special.gammainc(pairs, expected)) if pairs and expected > 0.0 else 1.0
-    if p >= REFUTED:
+    if p >= REFUTED or pairs < AS_MANY * expected:
         return None
     return _doubled(problem, sorted(copies, key=lambda pair: pair[1]), p)
 
@@ -223,6 +228,24 @@ def _place(group: Index) -> Index:
     place = np.empty_like(group)
     place[order] = np.arange(group.size) - start[group[order]]
     return place
+
+
+def _one_step_apart(problem: Problem, own: Index, setting: Index) -> float:
+    """Half of the pairs of impacts of one setting that differ by one step in one observable, the most of any.
+
+    As many as are equal, where values scatter over several steps.
+    """
+    values = problem.rows.value[own]
+    most = 0.0
+    for column in range(values.shape[1]):
+        step = resolution(values[:, column])
+        ranks = np.rint(values[:, column] / step)
+        others = np.delete(values, column, axis=1)
+        rest = _numbered(setting, *others.T)
+        key = _numbered(np.tile(rest, 2), np.concatenate((ranks, ranks + 1.0)))
+        here, below = np.bincount(key[: len(own)], minlength=key.max() + 1), np.bincount(key[len(own) :])
+        most = max(most, float(here[: below.size] @ below))
+    return 0.5 * most
 
 
 def _share_alike(problem: Problem) -> Array:

@@ -11,6 +11,7 @@ from scipy import special
 
 from ifrfit.data.stream.copied_rows import CopiedRows
 from ifrfit.data.stream.row_places import places_of
+from ifrfit.inference.diagnostics.copied_readings import AS_MANY
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -20,7 +21,6 @@ from ifrfit.text import joined, p_text
 
 Array = NDArray[np.float64]
 
-_AS_MANY = 2.0  # as many as rounding makes, whose number is known from the scatter of a fit
 _MOST_NAMED = 3
 _CERTAIN = 3.0  # pairs of one setting that may be there where none was met, and sds of their number
 
@@ -47,7 +47,7 @@ def copied_impacts(of: Accumulated, problem: Problem, fit: LeastSquaresFit) -> C
     Pairs of impacts that are alike are counted against pairs of one setting (angle and spins) that differ:
     of these, rounded to steps of r, the share r/(2 sqrt(pi) sigma) is alike in an observable, or as many as
     any two of its values are. The rule is that of `ifrfit.inference.diagnostics.copied_readings.duplicates`,
-    by impacts that their own numbers choose, and asks for twice as many besides.
+    by impacts that their own numbers choose, and asks for twice as many of each observable besides.
 
     Returns
     -------
@@ -62,7 +62,8 @@ def copied_impacts(of: Accumulated, problem: Problem, fit: LeastSquaresFit) -> C
         return None
     chance = _chance(of, copies, problem, fit)
     expected = _pairs_of_a_setting(copies) * chance / (1.0 - chance) if chance < 1.0 else math.inf
-    if alike < _AS_MANY * expected:
+    # twice as many of each observable: noise that differs from impact to impact makes more of them alike
+    if alike < AS_MANY ** len(of.stream.observables) * expected:
         return None
     p = float(special.gammainc(alike, expected)) if expected > 0.0 else 0.0
     if p >= REFUTED:

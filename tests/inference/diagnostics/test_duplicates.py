@@ -8,6 +8,7 @@ import pytest
 from factories import at_most, table_file
 from slips_scenes import Cause, Scene, experiment
 
+import ifrfit
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 
@@ -205,3 +206,24 @@ def test_spins_computed_from_the_velocities_count_once(tmp_path):
         read = columns | {"spin_y_after": after.spin_y + 0.02 * rng.standard_normal(30)}
         facts = fit(table_file(tmp_path / "r.csv", read, "%.6g"), method="lsq").facts
         assert "duplicates" not in facts
+
+
+def readings(spread, copied=0, n=4000, seed=0):
+    """Two rounded readings of each impact at whole degrees, by a noise that differs from impact to impact."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.integers(5, 80, n).astype(float)
+    sigma = 0.02 * np.exp(spread * rng.standard_normal(n))
+    beta = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta
+    table = pd.DataFrame({"gamma_deg": gamma, "beta": beta, "e_n": 0.9})
+    for name in ("beta", "e_n"):
+        table[name] = (table[name] + sigma * rng.standard_normal(n)).round(2)
+    return pd.concat([table, *(table.iloc[:200],) * copied], ignore_index=True)
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.6, 0.9])
+def test_a_noise_that_differs_makes_no_copies(spread):
+    assert "duplicates" not in ifrfit.fit(readings(spread), method="lsq").facts
+
+
+def test_copies_beside_a_noise_that_differs_are_found():
+    assert not ifrfit.fit(readings(0.3, copied=10), method="lsq").facts["duplicates"].ok
