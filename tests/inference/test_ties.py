@@ -55,8 +55,8 @@ def test_least_squares_are_those_of_lmfit(expression):
         found, peer = fit.constants[name], theirs.params[name]
         # lmfit ends where a step changes 1e-8 of chi2, 56: 1e-3 sd
         assert found.value == pytest.approx(peer.value, abs=5e-3 * peer.stderr)
-        # an impact right on the transition, one of 27, counts on either side of it
-        assert found.stderr == pytest.approx(peer.stderr, rel=0.5 / 27 + 1e-2)
+        # an impact right on the transition is one of 13 that stick, or of those that slide
+        assert found.stderr == pytest.approx(peer.stderr, rel=0.5 / 13 + 1e-2)
     assert fit.fit.chi2 <= theirs.chisqr * (1.0 + 1e-8)
     assert not fit.facts["global_optimum"].ok
     assert "no bound is known for constants that are tied" in fit.facts["global_optimum"].says
