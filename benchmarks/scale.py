@@ -131,7 +131,10 @@ def fitted():
         beta = OBSERVABLES["beta"].value(state, np.asarray(p["mu"].value))
         beta = (table["beta"] - beta) / table["sigma_beta"]
         return np.concatenate((beta, (table["e_n"] - p["e_n"].value) / table["sigma_e_n"]))
-    lmfit.minimize(residual, start)
+    question = lmfit.Minimizer(residual, start)
+    found = question.minimize()
+    if METHOD:
+        lmfit.conf_interval(question, found, sigmas=[1, 2])
 fitted()
 """
 _LMFIT_AGAIN = _LMFIT + "STARTED()\nfitted()\n"
@@ -292,6 +295,7 @@ def main() -> None:
                 rows += [
                     ("pandas and lmfit, file included", _LMFIT, ""),
                     (_AGAIN[1], _LMFIT_AGAIN, ""),
+                    ("pandas and lmfit with its intervals by profile, file included", _LMFIT, "intervals"),
                     ("scipy, file included", _SCIPY, ""),
                 ]
             if number == 0:
