@@ -19,6 +19,7 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
 )
 from ifrfit.inference.diagnostics.slips.evidence import WORTH_A_TRY, explains_little, misfit_left, tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
+from ifrfit.inference.diagnostics.slips.rival_closures import rival_closures
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
@@ -151,8 +152,9 @@ def slips_first(
             return {"pooling": shared.beside(words)}
         apart = shared.constants if more < DECISIVE else ""
         pooling = {"pooling": shared.after_slip()} if more >= DECISIVE else pooling
-    says = slip_words(problem, named, alike, apart, left[named[0]])
-    figures |= {"effects": alike, "p_left": left[named[0]]}
+    closures = rival_closures(problem, fit, named[0])
+    says = slip_words(problem, named, alike, apart, left[named[0]], closures)
+    figures |= {"effects": alike, "p_left": left[named[0]], "closures": closures}
     return pooling | {"slips": Fact(False, says, figures, rule)}
 
 

@@ -232,21 +232,28 @@ def none_words(tested: Sequence[Slip]) -> str:
 
 
 def slip_words(
-    problem: Problem, named: Sequence[Slip], effects: Sequence[str], series: str = "", left: float = 1.0
+    problem: Problem,
+    named: Sequence[Slip],
+    effects: Sequence[str],
+    series: str = "",
+    left: float = 1.0,
+    closures: Sequence[str] = (),
 ) -> str:
     """The slip that explains the data, what else may be the cause, and what to do.
 
-    `series` holds the constants that series may not share instead; `left` is the p value of what it leaves.
+    `series` holds the constants that series may not share instead; `left` is the p value of what it leaves;
+    `closures` describe the data as well without a slip.
     """
     first, *others = (slip for slip in named if not _is_repeated(slip, named[0]))
     what, remedy = _words(problem, first)
-    else_ = [*(_named(problem, other, first) for other in others), *(short_words(name) for name in effects)]
+    else_ = [f"closure {title}" for title in closures]
+    else_ += [*(_named(problem, other, first) for other in others), *(short_words(name) for name in effects)]
     else_ += [f"series that do not share {series}"] if series else []
     alike = f", not told apart from {joined(else_, 'or')}" if else_ else ""
     p = f"p = {p_text(first.p)}; " if first.sd else ""
     if first.name in _SCALES:  # one of them harms where it is another
         remedy = "; or ".join([remedy, *(_words(problem, one)[1] for one in others if one.name in _SCALES)])
-    if set(effects) & {"sticking-law", "sliding-law"}:
+    if closures or set(effects) & {"sticking-law", "sliding-law"}:
         remedy = f"ifrfit compare tells closures from one another first; then {remedy}"
     of = f"series {first.series}" if first.series else "the table"
     fall = f"({p}-2 log likelihood falls by {first.drop:.3g})"
