@@ -15,6 +15,8 @@ from ifrfit.text import joined
 
 # what the comparison tells in words of its own
 _TOLD = ("converged", "lack_of_fit", "effects", "identifiable", "predictive")
+# what a slip feigns under a closure that does not name it
+_FEIGNED = ("slips", "outliers")
 
 
 def failures(result: FitResult) -> dict[str, Fact]:
@@ -42,7 +44,7 @@ def reservations(
         Closures that the verdict rests on, the best first.
     refuted : bool
         Whether the best closure does not describe the data: then a slip that explains them beside another
-        one is heard, too, and first.
+        closure, and more than its own, takes the place of its own slips and outliers.
 
     Returns
     -------
@@ -59,7 +61,11 @@ def reservations(
     if other is None:
         return found
     name, fact = other
-    return {name: {"slips": fact}, **found}
+    # told beside it, each with its remedy, what it feigns would be further faults
+    left = {
+        one: {key: fact for key, fact in own.items() if key not in _FEIGNED} for one, own in found.items()
+    }
+    return {name: {"slips": fact}} | {one: own for one, own in left.items() if own}
 
 
 def _slip_of_others(entries: Mapping[str, Entry], leading: Sequence[str]) -> tuple[str, Fact] | None:

@@ -54,7 +54,7 @@ CASES = {
     "drift": (lambda: table(beta=beta() + np.linspace(-0.1, 0.1, N)), "a drift of "),
     "zeros": (lambda: table(beta=np.where(np.arange(N) % 6, beta(), 0.0)), "0 for 'not measured' in beta"),
     "two kinds": (lambda: table(beta=np.where(np.arange(N) % 2, beta(), beta(0.3))), "impacts of two kinds"),
-    "series": (two_series, "the series do not share their constants"),
+    "series": (two_series, "the series do not share mu"),
     "from wall": (lambda: table(gamma_deg=90.0 - GAMMA), "angles of incidence from the wall"),
     "sign": (lambda: table(beta=-beta()), "the opposite sign in beta"),
 }
@@ -94,10 +94,49 @@ def test_a_fact_of_closures_that_tie_is_told_once():
     assert [name for name, own in told.items() if "outliers" in own] == [found.ranked[0]]
 
 
-def test_one_sentence_names_every_closure_that_fails_alike():
-    """From the wall the best of the refuted closures sees another slip than the one that mends the table."""
-    says = compared(CASES["from wall"][0]()).verdict.says
-    assert says.count("the table looks as if it had a slip in it") == 1
+def failing(found, name, **facts):
+    """Entries of a comparison in which facts of one closure fail."""
+    own = found.entries[name]
+    failed = {key: Fact(False, f"{key} of {name}", figures, "rule") for key, figures in facts.items()}
+    fit = replace(own.fit, facts={**own.fit.facts, **failed})
+    return replace(found, entries={**found.entries, name: replace(own, fit=fit)})
+
+
+def slip(called, drop, p_left):
+    return {"called": [called], "tests": {called: {"drop": drop}}, "p_left": p_left}
+
+
+@pytest.mark.parametrize(
+    ("of_other", "says"),
+    [
+        # it explains all, and more than that of the best
+        (slip("angle-from-wall", 1e4, 0.5), "the table looks as if it had a slip in it (FR)"),
+        # it is the same
+        (slip("sign beta", 1e4, 0.5), "the table looks as if it had a slip in it (IFR); outliers (IFR)"),
+        # it leaves a misfit
+        (
+            slip("angle-from-wall", 1e4, 1e-9),
+            "the table looks as if it had a slip in it (IFR); outliers (IFR)",
+        ),
+        # it takes less than the gap in evidence
+        (
+            slip("angle-from-wall", 10.0, 0.5),
+            "the table looks as if it had a slip in it (IFR); outliers (IFR)",
+        ),
+    ],
+)
+def test_the_slip_that_mends_the_table_takes_the_place_of_what_it_feigns(of_other, says):
+    found = compared(table())
+    best, other = found.ranked[:2]
+    assert (best, other) == ("ifr", "fr")
+    found = failing(found, best, slips=slip("sign beta", 100.0, 1e-9), outliers={})
+    found = failing(found, other, slips=of_other)
+    verdict = replace(found.verdict, kind="refuted", says="Refuted.")
+    said = with_reservations(verdict, found.entries).says
+    assert said == f"Refuted. Settle first: {says}."
+    # where closures are not refuted the slips of others do not count
+    verdict = replace(found.verdict, says="Preferred.")
+    assert "(FR)" not in with_reservations(verdict, found.entries).says
 
 
 def test_the_page_of_a_fit_tells_of_its_own_faults_beside_the_closures():
@@ -116,9 +155,7 @@ def test_a_best_closure_that_was_fitted_in_brief_is_provisional_where_the_fit_ha
     found = compare_result(ifrfit.fit(table(beta=values)))
     verdict = replace(found.verdict, kind="preferred", tied=("fr",), says="FR it is.")
     brief = set(found.entries) - {"ifr"}
-    own = found.entries["ifr"]
-    fit = replace(own.fit, facts={**own.fit.facts, "outliers": Fact(False, "1 outlier", {}, "rule")})
-    entries = {**found.entries, "ifr": replace(own, fit=fit)}
+    entries = failing(found, "ifr", outliers={}).entries
     assert with_reservations(verdict, entries, brief).says == (
         "FR it is. Provisional: what the fit of IFR tells of the table was not looked for in that of FR."
     )
