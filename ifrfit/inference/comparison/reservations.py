@@ -14,7 +14,7 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.text import joined
 
 # what the comparison tells in words of its own
-_TOLD = ("converged", "lack_of_fit", "effects", "identifiable", "predictive")
+_IN_OTHER_LINES = ("converged", "lack_of_fit", "effects", "identifiable", "predictive")
 # what a slip feigns under a closure that does not name it
 _FEIGNED = ("slips", "outliers")
 
@@ -28,7 +28,7 @@ def failures(result: FitResult) -> dict[str, Fact]:
     return {
         name: fact
         for name, fact in result.facts.items()
-        if not fact.ok and name not in _TOLD and not is_quiet(name, fact)
+        if not fact.ok and name not in _IN_OTHER_LINES and not is_quiet(name, fact)
     }
 
 
@@ -52,11 +52,11 @@ def reservations(
         Closure to its facts that fail.
     """
     found: dict[str, dict[str, Fact]] = {}
-    told: set[str] = set()
+    seen: set[str] = set()
     for name in leading:
-        own = {key: fact for key, fact in failures(entries[name].fit).items() if key not in told}
+        own = {key: fact for key, fact in failures(entries[name].fit).items() if key not in seen}
         found |= {name: own} if own else {}
-        told |= own.keys()
+        seen |= own.keys()
     other = _slip_of_others(entries, leading) if refuted else None
     if other is None:
         return found

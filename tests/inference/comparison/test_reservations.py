@@ -112,16 +112,16 @@ def slip(called, drop, p_left):
         # it explains all, and more than that of the best
         (slip("angle-from-wall", 1e4, 0.5), "the table looks as if it had a slip in it (FR)"),
         # it is the same
-        (slip("sign beta", 1e4, 0.5), "the table looks as if it had a slip in it (IFR); outliers (IFR)"),
+        (slip("sign beta", 1e4, 0.5), "outliers (IFR); the table looks as if it had a slip in it (IFR)"),
         # it leaves a misfit
         (
             slip("angle-from-wall", 1e4, 1e-9),
-            "the table looks as if it had a slip in it (IFR); outliers (IFR)",
+            "outliers (IFR); the table looks as if it had a slip in it (IFR)",
         ),
         # it takes less than the gap in evidence
         (
             slip("angle-from-wall", 10.0, 0.5),
-            "the table looks as if it had a slip in it (IFR); outliers (IFR)",
+            "outliers (IFR); the table looks as if it had a slip in it (IFR)",
         ),
     ],
 )
