@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ifrfit.inference.diagnostics.headlines import HEADLINES
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact, is_quiet
@@ -14,43 +15,6 @@ from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, sd_text
 
-HEADLINES = {
-    "unrelated_readings": "readings do not go with the angle",
-    "beyond_closure": "readings lie beyond what the closure can give",
-    "converged": "the estimator did not converge",
-    "global_optimum": "several sets of constants are equally good",
-    "angle_offset": "the angle offset is not credible",
-    "noise_modes": "several sets of constants explain the data",
-    "noise_dof": "a noise rests on one degree of freedom",
-    "identifiable": "the data do not determine every constant",
-    "lack_of_fit": "the data contradict the closure",
-    "pooling": "the series do not share their constants",
-    "unequal_noise": "the series do not share their noise",
-    "tiny_friction": "mu is smaller than that of any dry contact",
-    "sigma_of_few": "each sigma looks like a guess from few readings",
-    "scatter_too_small": "the data scatter less than their sigma",
-    "scatter_too_large": "the data scatter more than their sigma",
-    "mixture": "the table looks as if it held impacts of two kinds",
-    "independence": "errors are not independent",
-    "normal_restitution": "the readings of e_n contradict what is taken of them",
-    "prior_conflict": "the data contradict a value that was taken for known",
-    "slips": "the table looks as if it had a slip in it",
-    "repeats": "repeats share an error",
-    "angle_scatter": "the scatter is that of angles with errors",
-    "growing_scatter": "the scatter grows as that of velocities would",
-    "scatter_by_angle": "the scatter changes with the angle",
-    "rounded_readings": "readings are rounded to coarser steps than they scatter",
-    "censoring": "values look clipped",
-    "truncation": "values look left out for their size",
-    "repeated_number": "one number stands in the place of several readings",
-    "duplicates": "impacts stand in the table twice",
-    "effects": "the residuals call for a further effect",
-    "outliers": "outliers",
-    "predictive": "the posterior does not predict such data",
-    "resampling": "there is too little to draw from",
-    "sharing": "the series do not share their constants",
-    "angular_momentum": "the velocities contradict the inertia factor",
-}
 CHECKS = {
     "chi2": "chi2",
     "runs": "runs of signs",

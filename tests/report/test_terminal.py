@@ -10,11 +10,12 @@ from refusals import refused
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.diagnostics.headlines import HEADLINES
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.result.types import QUIET_FACTS, Estimate, Fact, NoiseSummary
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
-from ifrfit.report.sentences import HEADLINES, findings, headline
+from ifrfit.report.sentences import findings, headline
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
@@ -15,6 +15,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.loo import loo_of, with_differences
 from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
+from ifrfit.inference.comparison.reservations import with_reservations
 from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo, PriorRow, PsiPlane
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
@@ -237,7 +238,7 @@ def _compare_stream(
         c.name: replace(entries[c.name], fit=each.result) for c, each in zip(closures, found, strict=True)
     }
     plane = PsiPlane("the rows were not held in memory")
-    return Comparison(shown, priors, plane, verdict, notes)
+    return Comparison(shown, priors, plane, with_reservations(verdict, shown), notes)
 
 
 def compare_result(result: FitResult) -> Comparison:
@@ -267,7 +268,8 @@ def compare_result(result: FitResult) -> Comparison:
         raise UsageError("Constants are tied, which other closures do not have in the same sense.")
     closures, notes = known_to(problem.error_model.is_plain)
     fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
-    return _weighed(fits, notes, loo=False, seed=result.seed)
+    brief = {name for name, fit in fits.items() if fit is not result}
+    return _weighed(fits, notes, loo=False, seed=result.seed, brief=brief)
 
 
 def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
@@ -292,8 +294,9 @@ def _weighed(
     loo: bool,
     seed: int,
     tell: Callable[[int], None] = lambda done: None,
+    brief: Collection[str] = (),
 ) -> Comparison:
-    """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
+    """Put fits by exact posterior, one a closure, side by side; arguments as `compare`, some fits `brief`."""
     priors = prior_table(fits)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
@@ -306,7 +309,8 @@ def _weighed(
         notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)
     plane = psi_plane(problems)
-    return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)
+    verdict = with_reservations(verdict_of(entries, priors), entries, brief)
+    return Comparison(entries, priors, plane, verdict, notes)
 
 
 def _cross_validated(

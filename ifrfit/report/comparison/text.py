@@ -8,10 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
 from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.comparison.reservations import reservations
 from ifrfit.inference.comparison.result import HOPELESS, Entry, PsiPlane, Slope
 from ifrfit.inference.comparison.verdict import rivals_with_flaws, title
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import called_title
 from ifrfit.inference.result.types import Interval
+from ifrfit.option_words import in_python
 from ifrfit.physics import get_closure
 from ifrfit.report.sentences import assumed_line, noise_words, scene_notes
 from ifrfit.report.terminal import aligned, finding_lines, source_lines, text_width, wrapped
@@ -125,6 +127,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     fits = {n: e.fit.facts["lack_of_fit"] for n, e in comparison.entries.items()}
     # the p of the others stands in the table
     leading = comparison.verdict.tied or comparison.ranked[:1]
+    alarms += _of_tables(comparison, leading)
     alarms += [f"{title(n)}: {fits[n].says.rstrip('.')}" for n in leading if not fits[n].ok]
     alarms += _of_effects(comparison, leading)
     alarms += _of_slopes(comparison)
@@ -138,11 +141,19 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *_of_plane(comparison),
         *_of_data(comparison),
     ]
-    return [
+    found = [
         *(("LOOK", says) for says in alarms),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
     ]
+    return found if comparison.best.command else [(kind, in_python(says)) for kind, says in found]
+
+
+def _of_tables(comparison: Comparison, leading: Sequence[str]) -> list[str]:
+    """What has to be settled before the verdict is believed: slips, outliers, series that differ."""
+    refuted = comparison.verdict.kind == "refuted"
+    found = reservations(comparison.entries, leading, refuted=refuted)
+    return [f"{title(name)}: {fact.says.rstrip('.')}" for name, own in found.items() for fact in own.values()]
 
 
 def _of_tests(comparison: Comparison) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.diagnostics.headlines import HEADLINES
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, is_quiet
@@ -19,7 +20,6 @@ from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import (
-    HEADLINES,
     closure_title,
     headline,
     plus_minus,

@@ -28,6 +28,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 LARGEST = 4.5  # prior standard deviations of a size
 _FIXED = 0.2  # by which a constant that was fixed may be off
+_EXACT = 600.0  # logarithm by which squares fall where nothing is left of them, far from what numbers hold
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
 _OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
@@ -219,11 +220,20 @@ class ComparedFit:
         bounds = problem.parameters.bounds()
         return search(each.values, self.misfit, problem.rows.value, start, bounds, target)
 
-    def sd_of(self, size: float, drop: float) -> float:
-        """Standard deviation of a fitted size that takes so much off -2 log likelihood."""
-        # the square of size over sd: where noises are unknown, over the scatter that is left
-        square = self.dof * math.expm1(drop / self.problem.rows.value.size) if self.misfit.groups else drop
-        return abs(size) / math.sqrt(square)
+    def sd_of(self, size: float, drop: float, after: Array) -> float:
+        """Standard deviation of a fitted size that takes so much off -2 log likelihood, and leaves residuals.
+
+        The square of size over sd is what weighted squares fall by: rows of known sigma in units of that, and
+        those of unknown noises, whose part of the fall is a logarithm, in units of the scatter that is left.
+        """
+        known, groups = self.misfit.known, self.misfit.groups
+        if not groups:
+            return abs(size) / math.sqrt(drop)
+        square = (self.before[known] ** 2 - after[known] ** 2) / self.misfit.base[known] ** 2
+        of_known, count = float(square.sum()), sum(rows.size for rows in groups)
+        share = self.dof / self.problem.rows.value.size
+        of_unknown = share * count * math.expm1(min((drop - of_known) / count, _EXACT))
+        return abs(size) / math.sqrt(max(of_known + of_unknown, share * drop))
 
     def p_of(self, after: Array, count: float) -> float:
         """p value of what leaves these residuals, times a number of tests."""
@@ -251,10 +261,10 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
     if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
     size = float(x[-1])
-    sd = whole.sd_of(size, drop)
+    after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
+    sd = whole.sd_of(size, drop, after)
     if score.p < REFUTED:
         return replace(score, drop=drop, strength=size, sd=sd)
-    after = problem.rows.value - values(x[None, :-1], x[-1:])[0]
     p = whole.p_of(after, count)
     moved = ((whole.before - after) / fit.sigma) ** 2
     return replace(score, p=p, drop=drop, strength=size, sd=sd, weight=moved / moved.sum(), chi2=None)

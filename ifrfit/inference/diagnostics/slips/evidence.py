@@ -145,7 +145,7 @@ def _slip(
         after = whole.problem.rows.value - nuisance.values(theta[None, :], x[-1:])[0]
         of_fit = whole.p_of(after, far / nuisance.share)
         if of_fit < REFUTED:  # no line shows it
-            p, slip = of_fit, replace(slip, sd=whole.sd_of(size, drop))
+            p, slip = of_fit, replace(slip, sd=whole.sd_of(size, drop, after))
         elif p >= limit:
             return slip
     at = whole.problem.parameters.positions
