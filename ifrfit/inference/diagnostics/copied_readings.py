@@ -196,7 +196,7 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         )
         equal = np.bincount(alike)
         pairs += int((equal * (equal - 1) // 2).sum())
-        beside += _one_step_apart(problem, own, setting)
+        beside += _pairs_beside(problem, own, setting)
         again = np.delete(np.arange(len(own)), once)
         copies += zip(own[once[alike[again]], 0].tolist(), own[again, 0].tolist(), strict=True)
     expected = max(expected, beside)
@@ -230,7 +230,7 @@ def _place(group: Index) -> Index:
     return place
 
 
-def _one_step_apart(problem: Problem, own: Index, setting: Index) -> float:
+def _pairs_beside(problem: Problem, own: Index, setting: Index) -> float:
     """Half of the pairs of impacts of one setting that differ by one step in one observable, the most of any.
 
     As many as are equal, where values scatter over several steps.
