@@ -15,6 +15,7 @@ from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import as_given, decimals, fixed, interval_text, joined, p_text, sd_text
 
 HEADLINES = {
+    "left_out_readings": "readings that are left out contradict those used",
     "unrelated_readings": "readings do not go with the angle",
     "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",

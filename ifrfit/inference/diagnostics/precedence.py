@@ -17,6 +17,7 @@ from ifrfit.inference.diagnostics.ends_of_scale import censoring
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.left_out_readings import left_out_readings
 from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.nested_models import prior_conflict, unequal_noise
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
@@ -48,6 +49,7 @@ _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _CAUSES = ("slips", "effects")
 # as the report tells them
 _ORDER = (
+    "left_out_readings",
     "unrelated_readings",
     "beyond_closure",
     "pooling",
@@ -148,6 +150,7 @@ def misfit_facts(
     so_far = _Findings(dict(causes), named)
     _of_constants(so_far, problem, found, brief)
     if not brief:
+        so_far.tell("left_out_readings", left_out_readings(problem, found))
         so_far.tell("duplicates", duplicates(problem, found))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))

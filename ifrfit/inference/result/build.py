@@ -359,6 +359,7 @@ def _facts(
     found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
     by_hand = (
+        "left_out_readings",
         "unrelated_readings",
         "duplicates",
         "repeated_number",
