@@ -13,7 +13,7 @@ from scipy import optimize, special
 from ifrfit.data.double_counting import impact_numbers
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array
+from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.angles import Incidence
@@ -71,7 +71,7 @@ class _Beside:
         by = {_ALONG: none, _SPIN: none, _CONTACT: none}
         for each, value in used.items():
             takes = OBSERVABLES[each].takes
-            kind = _CONTACT if takes >= _CONTACT else takes
+            kind = min(_CONTACT, takes)
             if kind in by:
                 k = impulse_factor(OBSERVABLES[each], i, value, e_n, j)
                 by[kind] = np.where(np.isnan(by[kind]), k, by[kind])
@@ -149,8 +149,8 @@ def left_out_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
             typical = float(np.median(np.abs(one.off())))
             said.append(
                 f"{name}, left out, contradicts {by} of the same impacts, {verb} used: it differs by "
-                f"{typical:.2g} (median, {one.given.size} impacts, p = {p_text(p)}) from what these make of it "
-                f"with inertia factor {one.inertia_factor:.4g}, and not by scatter; {what}"
+                f"{typical:.2g} (median, {one.given.size} impacts, p = {p_text(p)}) from what these make of "
+                f"it with inertia factor {one.inertia_factor:.4g}, and not by scatter; {what}"
             )
             figures[name] = {"p": p, "n": one.given.size, "median": typical}
     if not said:
@@ -223,7 +223,7 @@ def _pairs(problem: Problem, found: LeastSquaresFit) -> list[_Beside]:
     return result
 
 
-def _of_impacts(wanted: Array, impacts: Array, values: Array) -> Array:
+def _of_impacts(wanted: Index, impacts: Index, values: Array) -> Array:
     value = dict(zip(impacts.tolist(), values.tolist(), strict=True))
     return np.array([value.get(one, np.nan) for one in wanted.tolist()])
 
@@ -265,6 +265,8 @@ def _p_values(one: _Beside) -> list[float]:
     """Student's t of each direction in which readings may be off; 1 where that is too small to count."""
     made, off, weight = one.made(one.fitted), one.off(), one.weight()
     directions = [made, np.ones(made.size)]
+    if one.observable.unit == "deg":
+        directions.append(90.0 - 2.0 * made)  # read from the wall
     for other in (one.with_inertia(one.inertia_factor * (1.0 + _STEP)), one.spins_times(1.0 + _STEP)):
         # by what the fit makes of the readings, whose errors would enter both factors of a product
         directions.append((other.made(other.fitted) - made) / _STEP)

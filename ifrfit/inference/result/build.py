@@ -44,7 +44,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
-from ifrfit.inference.result.assumptions import assumed_of
+from ifrfit.inference.result.assumptions import assumed_of, with_size_of_spin
 from ifrfit.inference.result.constants_table import ConstantsTable
 from ifrfit.inference.result.deferred import Deferred, Postponed
 from ifrfit.inference.result.estimation import Estimation
@@ -245,8 +245,10 @@ def build_result(
         return state_of(problem, about.gaussian, distribution, kept)
 
     def taken() -> tuple[str, ...]:
+        constants, kappas = found.value.constants, found.value.kappas
         unsaid = assumed if problem.has_oblique else ()
-        return *unsaid, *assumed_of(problem, optimum, found.value.constants, found.value.kappas, noise)
+        unsaid = with_size_of_spin(unsaid, problem, optimum, constants, kappas)
+        return *unsaid, *assumed_of(problem, optimum, constants, kappas, noise)
 
     constants = Postponed(lambda: ConstantsTable(found.value.constants))
     derived = Postponed(lambda: derived_of(problem, *found.value))
