@@ -47,6 +47,9 @@ _OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentu
 _OF_THE_TABLE = (*_OF_WRITING, "outliers")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _CAUSES = ("slips", "effects")
+_OF_COPIES = ("lack_of_fit", "predictive", "normal_restitution", "repeats", "independence", "effects")
+_OF_SLIPS = ("outliers", "scatter_too_small", "scatter_too_large")
+_DECISIVE = 100.0  # fall of -2 log L by a slip, beyond which outliers are of the slip rather than it of them
 # as the report tells them
 _ORDER = (
     "left_out_readings",
@@ -164,7 +167,7 @@ def misfit_facts(
             so_far.causes = []
     # microslip is no remedy where something else is called for
     microslip = not so_far.causes or "compliance" in so_far.causes
-    remedy = not brief and microslip and not so_far.fails("normal_restitution")
+    remedy = not brief and microslip and not so_far.fails("normal_restitution", "duplicates")
     scatter = so_far.facts.get("repeats")
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
@@ -178,6 +181,28 @@ def misfit_facts(
     if not brief:
         _of_rows(so_far, problem, found, residuals)
     return in_order(so_far.facts)
+
+
+def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
+    """Facts of a fit, where those that may follow from copied rows, or from a slip that explains much, say so.
+
+    Rows that count twice make residuals alike and errors too small; behind a slip no scatter is that of sigma.
+    """
+    found = dict(facts)
+    slips = facts.get("slips")
+    decisive = slips is not None and not slips.ok and bool(slips.figures["called"])
+    if decisive and slips is not None:
+        first = slips.figures["tests"].get(slips.figures["called"][0], {})
+        decisive = first.get("drop", 0.0) > _DECISIVE
+    copied = "duplicates" in facts and not facts["duplicates"].ok
+    for holds, names, words in (
+        (copied, _OF_COPIES, "may follow from the rows that count twice: leave these out first"),
+        (decisive, _OF_SLIPS, "may follow from the slip: mend it first"),
+    ):
+        for name in names if holds else ():
+            if name in found and not found[name].ok:
+                found[name] = replace(found[name], says=f"{found[name].says}; {words}")
+    return found
 
 
 def in_order(facts: Mapping[str, Fact]) -> dict[str, Fact]:

@@ -30,7 +30,7 @@ from ifrfit.inference.diagnostics.optimum_facts import (
     several_modes,
     tiny_friction,
 )
-from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts
+from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts, subordinate
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
@@ -391,7 +391,7 @@ def _facts(
     drawn = draws.value if estimation.is_posterior else None
     if drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
-    return facts | dict(estimation.diagnostics)
+    return subordinate(facts | dict(estimation.diagnostics))
 
 
 def _of_constants(

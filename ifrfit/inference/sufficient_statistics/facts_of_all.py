@@ -253,7 +253,9 @@ def _has_slipped(sample: FitResult) -> bool:
 
 
 def assumed_by(sample: FitResult, result: FitResult, assumed: tuple[str, ...]) -> tuple[str, ...]:
-    """What is taken for granted, `assumed` from the first, by rows as they were measured; sizes over the sd of the result of all.
+    """What is taken for granted, by rows as they were measured; sizes over the sd of the result of all.
+
+    Sizes of what `assumed` says from the first are added to it.
 
     An error that all rows share moves the constants of a sample as far as those of all: the condensed rows
     have angles of their own, which say nothing of it.

@@ -162,7 +162,7 @@ def test_it_is_kept_in_the_file_and_stands_on_the_page(file, tmp_path):
     assert again.to_dict() == fit.to_dict()
     text = page(again, appraise(again, closures=False))
     assert (
-        "Assumed: closure IFR, inertia factor 0.4 (solid sphere), no spin before impact (R omega/u of 0.1 would"
+        "Assumed: closure IFR, inertia factor 0.4 (solid sphere), no spin before impact (R omega/u of 0.1 "
         in text
     )
 
