@@ -223,9 +223,9 @@ def _pairs(problem: Problem, found: LeastSquaresFit) -> list[_Beside]:
     return result
 
 
-def _of_impacts(wanted: Index, impacts: Index, values: Array) -> Array:
+def _of_impacts(sought: Index, impacts: Index, values: Array) -> Array:
     value = dict(zip(impacts.tolist(), values.tolist(), strict=True))
-    return np.array([value.get(one, np.nan) for one in wanted.tolist()])
+    return np.array([value.get(one, np.nan) for one in sought.tolist()])
 
 
 def _beside(

@@ -184,9 +184,9 @@ def misfit_facts(
 
 
 def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
-    """Facts of a fit, where those that may follow from copied rows, or from a slip that explains much, say so.
+    """Facts of a fit; those that may follow from copied rows, or a slip that explains much, say so.
 
-    Rows that count twice make residuals alike and errors too small; behind a slip no scatter is that of sigma.
+    Rows that count twice make residuals alike and errors too small; no scatter behind a slip is of sigma.
     """
     found = dict(facts)
     slips = facts.get("slips")
@@ -201,7 +201,9 @@ def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
     ):
         for name in names if holds else ():
             if name in found and not found[name].ok:
-                found[name] = replace(found[name], says=f"{found[name].says}; {words}")
+                # the remedy of an effect, its last sentence, would mend nothing
+                says = found[name].says.partition(". Try ")[0]
+                found[name] = replace(found[name], says=f"{says}; {words}")
     return found
 
 
