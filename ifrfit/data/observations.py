@@ -148,6 +148,8 @@ class Observations:
         One for each source of raw velocities with spin after; not repeated in the notes.
     calibration : str
         Which calibration of a figure the common errors are of; empty where it is not said, or of several.
+    redundant : pandas.DataFrame or None
+        Rows that a selection left out because others count their impacts already; read, never written to.
 
     Examples
     --------
@@ -166,6 +168,7 @@ class Observations:
     notes: tuple[str, ...] = ()
     momentum: tuple[MomentumCheck, ...] = ()
     calibration: str = ""
+    redundant: pd.DataFrame | None = None
 
     def __len__(self) -> int:
         """Return the number of rows."""

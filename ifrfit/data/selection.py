@@ -98,6 +98,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
     if not np.any(why == ""):
         raise DataError(_nothing_left(why, selection))
     notes: list[str] = []
+    redundant = None
     if not selection.independent:
         why[(why == "") & ~_default_selection(obs, table, selection, why == "", notes)] = "not selected"
         left = np.flatnonzero(why == "")
@@ -106,6 +107,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
         double, said = double_counted(rows, faces, selection.observable, selection.series)
         why[left[double]] = "same impacts counted already"
         notes.extend([*said, *contradictions(rows, double)])
+        redundant = rows.loc[double].reset_index(drop=True) if double.any() else None
         left = left[~double]
         for repeat in repeat_readings(table.iloc[left]):
             why[left[repeat.rows]] = "read off twice"
@@ -114,7 +116,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
     kept = table if keep.all() else table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])
     sources = tuple(_update(source, table, why, selection) for source in obs.sources)
-    return replace(obs, table=kept, sources=sources).with_note(*notes)
+    return replace(obs, table=kept, sources=sources, redundant=redundant).with_note(*notes)
 
 
 def _check(table: pd.DataFrame, selection: Selection) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 HEADLINES = {
+    "left_out_readings": "readings that are left out contradict those used",
     "unrelated_readings": "readings do not go with the angle",
     "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",

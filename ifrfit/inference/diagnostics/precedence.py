@@ -17,6 +17,7 @@ from ifrfit.inference.diagnostics.ends_of_scale import censoring
 from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.left_out_readings import left_out_readings
 from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.nested_models import prior_conflict, unequal_noise
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
@@ -46,8 +47,12 @@ _OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentu
 _OF_THE_TABLE = (*_OF_WRITING, "outliers")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _CAUSES = ("slips", "effects")
+_OF_COPIES = ("lack_of_fit", "predictive", "normal_restitution", "repeats", "independence", "effects")
+_OF_SLIPS = ("outliers", "scatter_too_small", "scatter_too_large")
+_DECISIVE = 100.0  # fall of -2 log L by a slip, beyond which outliers are of the slip rather than it of them
 # as the report tells them
 _ORDER = (
+    "left_out_readings",
     "unrelated_readings",
     "beyond_closure",
     "pooling",
@@ -148,6 +153,7 @@ def misfit_facts(
     so_far = _Findings(dict(causes), named)
     _of_constants(so_far, problem, found, brief)
     if not brief:
+        so_far.tell("left_out_readings", left_out_readings(problem, found))
         so_far.tell("duplicates", duplicates(problem, found))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
@@ -161,7 +167,7 @@ def misfit_facts(
             so_far.causes = []
     # microslip is no remedy where something else is called for
     microslip = not so_far.causes or "compliance" in so_far.causes
-    remedy = not brief and microslip and not so_far.fails("normal_restitution")
+    remedy = not brief and microslip and not so_far.fails("normal_restitution", "duplicates")
     scatter = so_far.facts.get("repeats")
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
@@ -175,6 +181,30 @@ def misfit_facts(
     if not brief:
         _of_rows(so_far, problem, found, residuals)
     return in_order(so_far.facts)
+
+
+def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
+    """Facts of a fit; those that may follow from copied rows, or a slip that explains much, say so.
+
+    Rows that count twice make residuals alike and errors too small; no scatter behind a slip is of sigma.
+    """
+    found = dict(facts)
+    slips = facts.get("slips")
+    decisive = slips is not None and not slips.ok and bool(slips.figures["called"])
+    if decisive and slips is not None:
+        first = slips.figures["tests"].get(slips.figures["called"][0], {})
+        decisive = first.get("drop", 0.0) > _DECISIVE
+    copied = "duplicates" in facts and not facts["duplicates"].ok
+    for holds, names, words in (
+        (copied, _OF_COPIES, "may follow from the rows that count twice: leave these out first"),
+        (decisive, _OF_SLIPS, "may follow from the slip: mend it first"),
+    ):
+        for name in names if holds else ():
+            if name in found and not found[name].ok:
+                # the remedy of an effect, its last sentence, would mend nothing
+                says = found[name].says.partition(". Try ")[0]
+                found[name] = replace(found[name], says=f"{says}; {words}")
+    return found
 
 
 def in_order(facts: Mapping[str, Fact]) -> dict[str, Fact]:

@@ -71,6 +71,9 @@ FACTS = {
     "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
     f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
     "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
+    "left_out_readings": "stands only where it fails: of readings that are left out, as their impacts count "
+    f"already, those used make another value (Student's t, p < {REFUTED:g}, times the number of tests), by "
+    "2 % of its size or more",
     "unrelated_readings": "stands only where it fails: of the readings of an observable that knows the angle "
     f"neither the law nor a smooth curve over the angle explains anything (F, p >= {BY_CHANCE:g} against the "
     f"mean of each series), while the law's own values in the order of the readings' sizes leave less than "

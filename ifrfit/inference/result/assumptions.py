@@ -24,6 +24,9 @@ from ifrfit.text import joined
 Moved = Callable[[Array], tuple[str, float]]
 
 _SPIN_ZERO = 0.02  # R omega_y/u before impact by which spins may be off, as an example
+_SPINLESS = "no spin before impact"  # as a fit takes it of tables without one
+_SPIN = 0.1  # R omega_y/u before impact, as an example of what such a table does not tell
+_SPIN_STEP = 1e-4
 _LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
 _MATTERS = 0.5  # sd of a constant from which rounding of the angles is told
 _NOTHING = 1e-3  # sd of a constant by which it is moved in no sense
@@ -92,6 +95,40 @@ def assumed_of(
         zero,
     )
     return tuple(said for said in every if said)
+
+
+def with_size_of_spin(
+    assumed: tuple[str, ...],
+    problem: Problem,
+    fit: LeastSquaresFit,
+    constants: Constants,
+    kappas: Mapping[str, Estimate],
+) -> tuple[str, ...]:
+    """The same assumptions, with what a spin before impact would move where none is assumed.
+
+    Parameters
+    ----------
+    assumed : tuple of str
+    problem : Problem
+    fit : LeastSquaresFit
+    constants, kappas : mapping
+        As `assumed_of` has them.
+    """
+    if not (problem.has_oblique and problem.error_model.is_plain):
+        return assumed
+
+    def sized(said: str) -> str:
+        if not said.startswith(_SPINLESS):
+            return said
+        silent = [s.name for s in problem.observations.sources if "spin" not in s.headers]
+        here = problem.observations.stored["source"].isin(silent).to_numpy()
+        # by the slope: what larger steps change at small angles, the law's transition moves with
+        slope = _by_spin(problem, fit.optimum.theta, (0.0, _SPIN_STEP)) / _SPIN_STEP
+        change = np.where(here, _SPIN * slope, 0.0)
+        most, _ = _largest_move(moved_by(problem, fit, change), constants, kappas)
+        return f"{said} (R omega/u of {_SPIN:g} would move {most})" if most else said
+
+    return tuple(sized(said) for said in assumed)
 
 
 def _camera_words(problem: Problem, fit: LeastSquaresFit, moved: Moved) -> str:

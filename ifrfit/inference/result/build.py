@@ -30,7 +30,7 @@ from ifrfit.inference.diagnostics.optimum_facts import (
     several_modes,
     tiny_friction,
 )
-from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts
+from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts, subordinate
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
@@ -44,7 +44,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
-from ifrfit.inference.result.assumptions import assumed_of
+from ifrfit.inference.result.assumptions import assumed_of, with_size_of_spin
 from ifrfit.inference.result.constants_table import ConstantsTable
 from ifrfit.inference.result.deferred import Deferred, Postponed
 from ifrfit.inference.result.estimation import Estimation
@@ -245,8 +245,10 @@ def build_result(
         return state_of(problem, about.gaussian, distribution, kept)
 
     def taken() -> tuple[str, ...]:
+        constants, kappas = found.value.constants, found.value.kappas
         unsaid = assumed if problem.has_oblique else ()
-        return *unsaid, *assumed_of(problem, optimum, found.value.constants, found.value.kappas, noise)
+        unsaid = with_size_of_spin(unsaid, problem, optimum, constants, kappas)
+        return *unsaid, *assumed_of(problem, optimum, constants, kappas, noise)
 
     constants = Postponed(lambda: ConstantsTable(found.value.constants))
     derived = Postponed(lambda: derived_of(problem, *found.value))
@@ -359,6 +361,7 @@ def _facts(
     found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
     by_hand = (
+        "left_out_readings",
         "unrelated_readings",
         "duplicates",
         "repeated_number",
@@ -388,7 +391,7 @@ def _facts(
     drawn = draws.value if estimation.is_posterior else None
     if drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
-    return facts | dict(estimation.diagnostics)
+    return subordinate(facts | dict(estimation.diagnostics))
 
 
 def _of_constants(

@@ -27,7 +27,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.noise import Policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
-from ifrfit.inference.result.assumptions import assumed_of
+from ifrfit.inference.result.assumptions import assumed_of, with_size_of_spin
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
@@ -252,8 +252,10 @@ def _has_slipped(sample: FitResult) -> bool:
     return "slips" in sample.facts and not sample.facts["slips"].ok
 
 
-def assumed_by(sample: FitResult, result: FitResult) -> tuple[str, ...]:
+def assumed_by(sample: FitResult, result: FitResult, assumed: tuple[str, ...]) -> tuple[str, ...]:
     """What is taken for granted, by rows as they were measured; sizes over the sd of the result of all.
+
+    Sizes of what `assumed` says from the first are added to it.
 
     An error that all rows share moves the constants of a sample as far as those of all: the condensed rows
     have angles of their own, which say nothing of it.
@@ -262,7 +264,8 @@ def assumed_by(sample: FitResult, result: FitResult) -> tuple[str, ...]:
     kappa = result.derived.get("kappa")
     kappas = kappa if isinstance(kappa, Mapping) else dict.fromkeys(problem.series, kappa)
     known = {name: found for name, found in kappas.items() if isinstance(found, Estimate)}
-    return assumed_of(problem, fit, result.constants, known, result.noise)
+    sized = with_size_of_spin(assumed, problem, fit, result.constants, known)
+    return *sized, *assumed_of(problem, fit, result.constants, known, result.noise)
 
 
 def warnings_of(of: Accumulated, source: Source) -> list[str]:

@@ -294,7 +294,7 @@ def _estimated(
     def taken() -> tuple[str, ...]:
         if isinstance(sample, DataError) or beaten > _BEATEN:
             return assumed
-        return (*assumed, *assumed_by(sample, result))
+        return assumed_by(sample, result, assumed)
 
     postponed = cast("tuple[str, ...]", Postponed(taken))
     looked_at = sample

@@ -77,3 +77,41 @@ def test_a_mean_that_was_copied_down_is_one_reading(tmp_path):
 def test_simulated_readings_may_be_one_number(tmp_path):
     facts = fit(copied(tmp_path / "t.csv", "simulated"), method="lsq").facts
     assert "repeated_number" not in facts
+
+
+def doubled(tmp_path, twice):
+    """Impacts that stand in two series, or stand once."""
+    rng = np.random.default_rng(11)
+    gamma = np.round(rng.uniform(6.0, 80.0, 40), 1)
+    state = rebound(gamma, e_n=0.85, e_t=-0.75, mu=0.15, degrees=True)
+    table = {"gamma_deg": gamma, "beta": state.beta + 0.02 * rng.standard_normal(40)}
+    table["e_n"] = 0.85 + 0.02 * rng.standard_normal(40)
+    if twice:
+        table = {name: np.tile(value, 2) for name, value in table.items()}
+        table["series"] = np.repeat(["a", "b"], 40)
+    return fit(table).facts
+
+
+def test_what_may_follow_from_rows_that_count_twice_says_so(tmp_path):
+    facts = doubled(tmp_path, twice=True)
+    failing = {name: fact.says for name, fact in facts.items() if not fact.ok}
+    assert "duplicates" in failing
+    others = failing.keys() - {"duplicates"}
+    assert others
+    for name in others:
+        assert "may follow from the rows that count twice: leave these out first" in failing[name]
+        assert "Try " not in failing[name]
+    assert not [name for name, fact in doubled(tmp_path, twice=False).items() if not fact.ok]
+
+
+def test_outliers_behind_a_slip_that_explains_much_may_follow_from_it():
+    """Angles from the wall, sigma known."""
+    rng = np.random.default_rng(3)
+    gamma = np.round(rng.uniform(6.0, 80.0, 40), 1)
+    beta = rebound(gamma, e_n=0.85, e_t=-0.75, mu=0.15, degrees=True).beta
+    beta = beta + 0.02 * rng.standard_normal(40)
+    facts = fit({"gamma_deg": 90.0 - gamma, "beta": beta, "sigma_beta": 0.02}, fix={"e_n": 0.85}).facts
+    failing = {name: fact.says for name, fact in facts.items() if not fact.ok}
+    assert "slips" in failing
+    assert "outliers" in failing
+    assert "may follow from the slip: mend it first" in failing["outliers"]

@@ -61,7 +61,7 @@ def test_a_column_of_spins_that_is_empty_says_no_spin(folder):
     table = impacts(400, spin=0.0)
     table["spin_y"] = np.nan
     found = assert_as_in_memory(written(folder, table, "a.parquet"), table)
-    assert "no spin before impact" in found.assumed
+    assert any(one.startswith("no spin before impact") for one in found.assumed)
     with_spins = impacts(400, seed=1)
     written(folder, with_spins, "b.parquet")
     with pytest.raises(DataError, match=r"b\.parquet, row 1 .*, column spin_y: a spin, where the first file"):
