@@ -84,7 +84,7 @@ def _listed(same: re.Match[str]) -> str:
 def _option(found: re.Match[str]) -> str:
     name, word = found[1], found[2] or ""
     value = word if word.endswith("=...") else word.rstrip(".,:")
-    if _GRAMMAR.fullmatch(value) or name in _FLAGS:
+    if (_GRAMMAR.fullmatch(value) and not word.endswith(":")) or name in _FLAGS:
         value = ""
     rest = word[len(value) :]
     if rest and not value:
@@ -92,9 +92,10 @@ def _option(found: re.Match[str]) -> str:
     owner, field = _FIELDS.get(name, ("", name.replace("-", "_")))
     if name in _FLAGS:
         said = f"{field}=True"
-    elif name == "tie" and "=" in value:
+    elif name == "tie" and value:
         constant, _, expression = value.strip("'").partition("=")
-        said = f'{field}={{"{constant}": "{expression}"}}'
+        quoted = f'"{expression}"' if expression else "..."
+        said = f'{field}={{"{constant}": {quoted}}}'
     elif name in _MAPPINGS and value:
         constant, _, numbers = value.partition("=")
         said = f'{field}={{"{constant}": {_literal(numbers or "...")}}}'

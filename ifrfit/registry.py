@@ -161,6 +161,8 @@ class Registry(Mapping[str, T]):
         return f"There is no {self.kind} '{name}'. Choose one of {', '.join(self)}.{meant}"
 
     def __contains__(self, name: object) -> bool:
+        if not isinstance(name, str):
+            return False
         if name not in self._entries:
             load_entry_points()
         return name in self._entries

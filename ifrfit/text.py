@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
+from numbers import Real
 
 MOST_PLACES = 10  # beyond this a column of zeros says less than an exponent
 FEWEST_PLACES = -5
@@ -17,10 +18,23 @@ def joined(words: Sequence[str], last: str = "and") -> str:
     return ", ".join(words[:-1]) + f" {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
-def meant(name: str, candidates: Sequence[str]) -> str:
+def meant(name: object, candidates: Sequence[str]) -> str:
     """Sentence that offers the candidates close to a name; empty if there are none."""
-    close = difflib.get_close_matches(name, candidates, n=3, cutoff=0.6)
+    close = difflib.get_close_matches(str(name), candidates, n=3, cutoff=0.6)
     return f" Did you mean {' or '.join(close)}?" if close else ""
+
+
+def number_of(value: object) -> float | None:
+    """A number, also where a text says it as the quotient of two; None for what is none."""
+    if isinstance(value, bool) or not isinstance(value, Real | str):
+        return None
+    if isinstance(value, Real):
+        return float(value)
+    above, slash, below = value.partition("/")
+    try:
+        return float(above) / float(below) if slash else float(above)
+    except (ValueError, ZeroDivisionError):
+        return None
 
 
 def decimals(uncertainty: float, digits: int = 2) -> int:

@@ -98,6 +98,9 @@ def ends(option: str, text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
+_MOST_NUMBERS = 1_000_000
+
+
 def numbers(option: str, text: str) -> list[float]:
     """Numbers from ``1,2,3`` or ``from:to:step``."""
     import numpy as np
@@ -105,12 +108,15 @@ def numbers(option: str, text: str) -> list[float]:
     try:
         if ":" in text:
             low, high, step = (float(part) for part in text.split(":"))
-            if not (step > 0.0 and high >= low and (high - low) / step < 1e6):
+            if not (step > 0.0 and low <= high < np.inf):
                 raise ValueError
-            return [float(x) for x in np.arange(low, high + 0.5 * step, step)]
-        return [float(part) for part in text.split(",")]
+        else:
+            return [float(part) for part in text.split(",")]
     except ValueError:
         raise UsageError(f"{option} {text}: write numbers as 10,20,30 or as FROM:TO:STEP.") from None
+    if (high - low) / step >= _MOST_NUMBERS:
+        raise UsageError(f"{option} {text}: more than {_MOST_NUMBERS:,} numbers. Take a larger step.")
+    return [float(x) for x in np.arange(low, high + 0.5 * step, step)]
 
 
 def command_line() -> str:

@@ -163,6 +163,8 @@ def resolve(
         If there is neither such a dataset nor such a file, or it is refused.
     """
     name, path = str(name_or_path), Path(name_or_path)
+    if not name.strip():
+        raise UsageError("An empty name stands for no data. Name a file or a dataset, or . for this folder.")
     names = dataset_names()
     if name not in names and path.is_dir() and not (path / PACKAGE_FILE).exists():
         raise DataError(

@@ -309,6 +309,10 @@ def uncertainty_of(name: str) -> str | None:
     return None
 
 
+_SHORTEST = 2  # letters: a single one resembles too much
+_SEVERAL = re.compile(r"[,;:/|]")  # between a name and what is said of it, which decides
+
+
 def closest(name: str) -> str | None:
     """Return the known column name that `name` resembles most, None if it resembles none.
 
@@ -337,4 +341,6 @@ def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]
         *_NAMES["angles"],
     ]
     plain = parse_header(name).name
+    if len(plain) < _SHORTEST or _SEVERAL.search(plain):
+        return []
     return difflib.get_close_matches(plain, dict.fromkeys([*names, *also]), n=most, cutoff=0.6)

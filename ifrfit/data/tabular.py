@@ -40,6 +40,9 @@ _MAGIC = {
 }
 
 
+_JSON = re.compile(r"\s*(\{\s*[\"}]|\[\s*[\[{])")  # how an object begins, or a list of objects or lists
+
+
 def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None = None) -> Cells:
     """Read a text table, a spreadsheet or a Parquet file into cells.
 
@@ -74,6 +77,11 @@ def read_cells(path: Path, is_header: Callable[[str], bool], sheet: str | None =
         )
     else:
         text = decode(raw, file)
+        if _JSON.match(text):
+            raise DataError(
+                f"{file}: this is JSON, not a text table. Write the impacts as CSV, or read the file in "
+                "Python and give its columns."
+            )
         del raw  # of a long file only one form is kept at a time
         notes, calibration, lines = notes_in(text), calibration_in(text), _lines(text)
         del text
@@ -376,8 +384,10 @@ def arrow_column(column: Any, name: str, file: str, pa: Any) -> CellColumn | Dat
     """
     kind = column.type
     if pa.types.is_dictionary(kind):
-        column = column.cast(kind.value_type)
-        kind = column.type
+        kind = kind.value_type
+        if pa.types.is_string_view(kind):  # of polars: Arrow has no cast for it
+            column = pa.chunked_array([column.to_pylist()], pa.string())
+        column = column.cast(kind)
     if (
         pa.types.is_integer(kind)
         or pa.types.is_floating(kind)

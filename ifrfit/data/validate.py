@@ -90,9 +90,14 @@ def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
         unit = " degrees" if observable.unit == "deg" else ""
         yield (
             "value",
-            here & (outside | tiny),
+            here & outside,
             f"{{}}{unit} is impossible for {name} ({observable.low:g} to {observable.high:g}{unit}). "
             "Correct it.",
+        )
+        yield (
+            "value",
+            here & tiny,
+            f"{{}}{unit} is impossible for {name} (0, or {TINY:g} and more in size). Write 0 or correct it.",
         )
         named = "" if piece.header("value") == name else f"{name}: "
         for kind in observable.undefined:

@@ -361,6 +361,13 @@ class Bootstrap(PlainErrors):
     keep: str | Path | None = None
     resume: str | Path | None = option(None, _RESUME, form="path", metavar="DIR")
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.replicates is not None:
+            from ifrfit.inference.bootstrap.estimator import check_replicates
+
+            check_replicates(self.replicates)
+
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""
         from ifrfit.inference.bootstrap import REPLICATES, bootstrap

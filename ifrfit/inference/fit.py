@@ -238,7 +238,7 @@ def stream_path(data: Data | Sequence[Data]) -> Path | None:
     if len(parts) != 1 or not isinstance(parts[0], str | Path) or str(parts[0]) in dataset_names():
         return None
     path = Path(parts[0])
-    return path if is_stream(path) else None
+    return path if str(parts[0]).strip() and is_stream(path) else None
 
 
 def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, Any]) -> ImpactStream | None:
@@ -504,7 +504,7 @@ def _parts(data: Data | Sequence[Data]) -> list[Data]:
     """Each file, dataset or table; a list of rows is one table."""
     if is_records(data):
         return [data]
-    return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    return list(data) if isinstance(data, Sequence) and not isinstance(data, str | bytes) else [data]
 
 
 def _inertia_factor(observations: Observations) -> float:

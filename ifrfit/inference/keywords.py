@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -275,6 +275,10 @@ def selection_of(keywords: Mapping[str, Any]) -> Selection:
         check_form(f"--{name}", "names", said.get(name) or ())
     for name in ("observable", "series", "exclude"):
         value = said.get(name) or ()
+        if not isinstance(value, int | Iterable):
+            raise UsageError(
+                f"--exclude: {value!r:.60} is neither the name or number of a row nor several of these."
+            )
         said[name] = (value,) if isinstance(value, str | int) else tuple(value)
     said["exclude"] = tuple(str(each) for each in said["exclude"])
     return Selection(**said)

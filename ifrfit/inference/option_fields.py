@@ -15,6 +15,7 @@ from os import PathLike
 from typing import Any, Literal, TypeVar
 
 from ifrfit.errors import UsageError
+from ifrfit.text import number_of
 
 Form = Literal[
     "text",
@@ -198,19 +199,6 @@ def check_form(flag: str, form: Form, value: object) -> None:
                 raise UsageError(f"{flag} {name}: {own!r:.60} is not {_FORMS[form][1]}.")
     elif not _FORMS[form][0](value):
         raise UsageError(f"{flag}: {value!r:.60} is not {_FORMS[form][2]}.")
-
-
-def number_of(value: object) -> float | None:
-    """A number, also where a text says it as the quotient of two; None for what is none."""
-    if isinstance(value, bool) or not isinstance(value, Real | str):
-        return None
-    if isinstance(value, Real):
-        return float(value)
-    above, slash, below = value.partition("/")
-    try:
-        return float(above) / float(below) if slash else float(above)
-    except (ValueError, ZeroDivisionError):
-        return None
 
 
 def _is_number(value: object) -> bool:

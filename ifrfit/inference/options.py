@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.error_model import ANGLES, ErrorModel
-from ifrfit.inference.option_fields import Options, nested, number_of, option, plain
+from ifrfit.inference.option_fields import Options, nested, option, plain
+from ifrfit.text import number_of
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter

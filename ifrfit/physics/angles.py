@@ -9,7 +9,40 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ifrfit.errors import UsageError
+
 Array = NDArray[np.float64]
+
+
+def real_array(name: str, given: ArrayLike | None) -> Array:
+    """Numbers that a caller gave, as an array.
+
+    Raises
+    ------
+    UsageError
+        For what is no real number, nor an array of them.
+    """
+    try:
+        if given is None or np.iscomplexobj(given):
+            raise TypeError
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        shown = " ".join(repr(given).split())
+        raise UsageError(f"{name}: {shown:.60} is no number, nor an array of them: give numbers.") from None
+
+
+def check_incidence(gamma: Array, *, degrees: bool) -> None:
+    """Refuse incidence angles outside 0 to 90 degrees; nan is none.
+
+    Raises
+    ------
+    UsageError
+        With the first of them.
+    """
+    outside = (gamma < 0.0) | (gamma > (90.0 if degrees else 0.5 * np.pi))
+    if outside.any():
+        end = "90 degrees from the normal" if degrees else "pi/2 from the normal; degrees need degrees=True"
+        raise UsageError(f"gamma {gamma[outside].flat[0]:.9g}: incidence angles lie between 0 and {end}.")
 
 
 def sincos(gamma: ArrayLike, *, degrees: bool = False) -> tuple[Array, Array]:

@@ -126,7 +126,7 @@ def get_closure(name: str) -> Closure:
     UsageError
         If there is none of that name; the message lists those there are.
     """
-    return CLOSURES[name.lower()]
+    return CLOSURES[str(name).lower()]
 
 
 # to other processes by its name: its functions cannot go there

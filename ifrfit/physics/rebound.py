@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics.angles import Array, Incidence, make_read_only
+from ifrfit.physics.angles import Array, Incidence, check_incidence, make_read_only, real_array
 from ifrfit.physics.closure import Closure, rotational_share
 from ifrfit.physics.closures import get_closure
+from ifrfit.text import joined, number_of
 
 
 def _plain(x: ArrayLike) -> Array:
@@ -246,7 +248,7 @@ def rebound(
     mu: ArrayLike,
     chi: ArrayLike | None = None,
     closure: str = "ifr",
-    inertia_factor: float = 0.4,
+    inertia_factor: float | str = 0.4,
     degrees: bool = False,
     **constants: ArrayLike,
 ) -> Rebound:
@@ -255,12 +257,13 @@ def rebound(
     Parameters
     ----------
     gamma : array_like
-        Incidence angle from the normal, radians, or degrees if `degrees`.
+        Incidence angle from the normal, 0 to pi/2 in radians, or 0 to 90 degrees if `degrees`.
     spin_x, spin_y : array_like
         R omega_x/u and R omega_y/u before, in the paper's signs: positive spin_y is back-spin, spin_x is
         minus the right-handed one.
     e_n, mu : array_like
-        Normal restitution and friction.
+        Normal restitution and friction, not negative. Like e_t and beta0, e_n may lie outside its passive
+        domain, where an impact gains energy.
     e_t : array_like, optional
         Tangential restitution of IFR and IFR-contact.
     beta0 : array_like, optional
@@ -269,8 +272,8 @@ def rebound(
         Compliance number of closure maw, 7 (1 - nu)/(2 (2 - nu)) for a solid sphere of the wall's material.
     closure : str
         Name of the closure, see `ifrfit.physics.closures`.
-    inertia_factor : float
-        J = I/(m R^2): 2/5 solid sphere, 2/3 thin shell, 1/2 disc on its edge.
+    inertia_factor : float or str
+        J = I/(m R^2): 2/5 solid sphere, 2/3 thin shell, 1/2 disc on its edge; also as "2/3".
     degrees : bool
         Take gamma in degrees; exact at 0, 30, 60 and 90.
     **constants : array_like
@@ -284,7 +287,8 @@ def rebound(
     Raises
     ------
     UsageError
-        For an unknown closure, constants that do not belong to it, or an inertia factor that is no number.
+        For an unknown closure, constants that do not belong to it, and what is no number, outside its range,
+        or of shapes that do not go together.
 
     Notes
     -----
@@ -303,9 +307,37 @@ def rebound(
     """
     chosen = get_closure(closure)
     c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi, **constants})
-    if np.ndim(inertia_factor) > 0:
+    numbers = {"gamma": gamma, "spin_x": spin_x, "spin_y": spin_y, "e_n": e_n, "mu": mu}
+    if chosen.constant is not None:
+        numbers[chosen.constant] = c
+    arrays = {name: real_array(name, value) for name, value in numbers.items()}
+    _check_ranges(arrays, degrees=degrees)
+    incidence = Incidence.of(arrays["gamma"], arrays["spin_x"], arrays["spin_y"], degrees=degrees)
+    c = arrays.get(chosen.constant or "", np.zeros(()))
+    return rebound_of(incidence, chosen, arrays["e_n"], c, arrays["mu"], _inertia_factor(inertia_factor))
+
+
+def _check_ranges(arrays: Mapping[str, Array], *, degrees: bool) -> None:
+    """Refuse values for which there is no impact; nan stays nan, and a law knows the limits of its own."""
+    check_incidence(arrays["gamma"], degrees=degrees)
+    for name in ("e_n", "mu"):
+        if (arrays[name] < 0.0).any():
+            raise UsageError(f"{name} is {np.nanmin(arrays[name]):.9g}: it must be 0 or more.")
+    shapes = {name: array.shape for name, array in arrays.items() if array.ndim}
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        shown = joined([f"{name} {shape}" for name, shape in shapes.items()])
+        raise UsageError(
+            f"The shapes of {shown} do not go together. Give arrays as long as one another, or single "
+            "numbers."
+        ) from None
+
+
+def _inertia_factor(given: object) -> float:
+    if np.ndim(given) > 0:  # type: ignore[arg-type]
         raise UsageError("inertia_factor is an array: it must be one number, so call once for each body.")
-    if not 0.0 < inertia_factor < np.inf:
-        raise UsageError(f"inertia_factor is {inertia_factor}: it must be positive (2/5 for a solid sphere).")
-    incidence = Incidence.of(gamma, spin_x, spin_y, degrees=degrees)
-    return rebound_of(incidence, chosen, e_n, c, mu, inertia_factor)
+    j = number_of(given)
+    if j is None or not 0.0 < j < math.inf:
+        raise UsageError(f"inertia_factor is {given!r:.60}: it must be positive (2/5 for a solid sphere).")
+    return j

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.io.json_text import write_json
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.figures import plot
@@ -48,7 +49,7 @@ def write_folder(result: FitResult, appraisal: Appraisal | None, out: Path, *, f
 
 
 def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[str]:
-    result.save(folder / RESULT)
+    write_json(result.to_dict(), folder / RESULT)
     names = [RESULT]
     if appraisal is not None and len(result.points):
         names += save_svg_and_png(plot(result), folder, "fit")

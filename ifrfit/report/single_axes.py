@@ -192,9 +192,10 @@ def _drawable(axes: Any) -> Any:
     """Axes, or the sentence on what was given in their place."""
     from matplotlib.axes import Axes
 
-    if not isinstance(axes, Axes):
+    if not isinstance(axes, Axes) or axes.name == "3d":
         raise UsageError(
-            f"ax: {axes!r:.60} is no Axes of matplotlib. Give one, as plt.subplots()[1], or leave it out."
+            f"ax: {axes!r:.60} is no Axes of matplotlib with two dimensions. Give one, as plt.subplots()[1], "
+            "or leave it out."
         )
     return axes
 

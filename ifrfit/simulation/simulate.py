@@ -19,6 +19,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.model.entry_names import entry_name, split_name
+from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.result.display import Display
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
@@ -327,6 +328,8 @@ def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int
     """
     given = scene if isinstance(scene, Scene) else read_scene(scene)
     n = samples if samples is not None else (SAMPLES if given.random else 1)
+    check_form("--samples", "integer", n)
+    check_form("--seed", "integer", seed)
     if n < 1:
         raise UsageError(f"--samples {n}: it must be 1 or more.")
     if seed < 0:

@@ -153,6 +153,7 @@ def test_separate_constants_ask_for_a_series(cli, tmp_path):
         (("--gamma", "91"), "--gamma 91: incidence angles lie between 0 and 90 degrees from the normal."),
         (("--gamma", "-5"), "--gamma -5: incidence angles lie between 0 and 90 degrees"),
         (("--gamma", "nan"), "--gamma nan: "),
+        (("--gamma", "0:90:1e-7"), "--gamma 0:90:1e-7: more than 1,000,000 numbers. Take a larger step."),
         (("--gamma", "ten"), "--gamma ten: write numbers as 10,20,30 or as FROM:TO:STEP."),
         (("--gamma", "10:20"), "--gamma 10:20: write numbers as"),
         (("--gamma", "20:10:1"), "--gamma 20:10:1: write numbers as"),

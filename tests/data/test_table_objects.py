@@ -52,6 +52,25 @@ def test_polars():
     assert found.table["value"].tolist() == COLUMNS["beta"].tolist()
 
 
+@pytest.mark.parametrize("kind", ["Categorical", "Enum"])
+def test_categories_of_polars_are_their_words(kind):
+    polars = pytest.importorskip("polars")
+    plain = polars.DataFrame(
+        {"gamma_deg": ["10", "40", "60"], "beta": [0.6, None, 0.1], "series": ["a", None, "b"]}
+    )
+    words = (
+        {"Categorical": [], "Enum": [["10", "40", "60"]]}[kind],
+        {"Categorical": [], "Enum": [["a", "b"]]}[kind],
+    )
+    given = plain.with_columns(
+        plain["gamma_deg"].cast(getattr(polars, kind)(*words[0])),
+        plain["series"].cast(getattr(polars, kind)(*words[1])),
+    )
+    found, expected = (ifrfit.read(table).table for table in (given, plain))
+    assert found.equals(expected)
+    assert found["gamma_deg"].tolist() == [10.0, 60.0]
+
+
 def test_the_same_numbers_have_the_same_digest():
     digests = {name: cells_of_table(table).sha256 for name, table in forms() if name != "texts"}
     assert len(set(digests.values())) == 1

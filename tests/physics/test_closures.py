@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from typing import Any
 
@@ -97,6 +98,10 @@ def test_registry_keys_are_the_names() -> None:
             "inertia_factor is nan: it must be positive (2/5 for a solid sphere).",
         ),
         (
+            {"e_t": -0.9, "inertia_factor": "round"},
+            "inertia_factor is 'round': it must be positive (2/5 for a solid sphere).",
+        ),
+        (
             {"e_t": -0.9, "inertia_factor": (0.4, 0.5)},
             "inertia_factor is an array: it must be one number, so call once for each body.",
         ),
@@ -107,6 +112,45 @@ def test_refusals_say_what_to_do(call: dict[str, Any], text: str) -> None:
         rebound(30.0, e_n=0.9, mu=0.1, degrees=True, **call)
     assert str(caught.value) == text
     assert caught.value.exit_status == 2
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"gamma": "a"}, "gamma: 'a' is no number, nor an array of them: give numbers."),
+        ({"gamma": 1j}, "gamma: 1j is no number, nor an array of them: give numbers."),
+        ({"e_n": None}, "e_n: None is no number, nor an array of them: give numbers."),
+        (
+            {"gamma": [0.5, 30.0]},
+            "gamma 30: incidence angles lie between 0 and pi/2 from the normal; degrees need degrees=True.",
+        ),
+        (
+            {"gamma": 90.5, "degrees": True},
+            "gamma 90.5: incidence angles lie between 0 and 90 degrees from the normal.",
+        ),
+        ({"mu": -0.1}, "mu is -0.1: it must be 0 or more."),
+        ({"e_n": [0.9, -0.1]}, "e_n is -0.1: it must be 0 or more."),
+        (
+            {"gamma": [0.1, 0.2], "spin_x": [1.0, 2.0, 3.0]},
+            "The shapes of gamma (2,) and spin_x (3,) do not go together. "
+            "Give arrays as long as one another, or single numbers.",
+        ),
+    ],
+)
+def test_there_is_no_answer_outside_the_domain(changed: dict[str, Any], text: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        rebound(**{"gamma": 0.5, "e_n": 0.9, "e_t": -0.7, "mu": 0.1} | changed)
+    assert str(caught.value) == text
+
+
+def test_what_a_fit_takes_is_computed_and_what_is_missing_stays_missing() -> None:
+    constants = {"e_n": 0.9, "e_t": -0.8, "mu": 0.1}
+    shell = rebound([0.2, math.nan], inertia_factor="2/3", **constants)
+    assert shell.beta[0] == rebound(0.2, inertia_factor=2.0 / 3.0, **constants).beta
+    assert math.isnan(shell.beta[1])
+    # beyond the passive domain, as a fit with wider bounds has it: an impact that gains energy
+    assert rebound(0.0, e_n=1.02, e_t=0.1, mu=0.1).v_n == 1.02
+    assert rebound(0.5 * math.pi, **constants).sticking.size == 1
 
 
 @pytest.mark.parametrize("closure", CLOSURES.values(), ids=lambda c: c.name)

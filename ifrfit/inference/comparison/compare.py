@@ -33,6 +33,7 @@ from ifrfit.inference.keywords import QuestionKeywords, model_of, noise_of, spli
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.notebook_progress import shown_in_notebook
 from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.option_fields import check_form, plain
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 from ifrfit.inference.result.build import build_result
@@ -141,6 +142,8 @@ def compare(
             "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
             "`closure`."
         )
+    check_form("--loo", "flag", plain(loo))
+    check_form("--workers", "integer", workers)
     data, options = split_columns("compare", QuestionKeywords, data, keywords)
     chosen, scatter = model_of(model, options), noise_of(noise)
     if chosen.tie:
@@ -379,7 +382,10 @@ def chosen_closures(
     UsageError
         For an unknown name, or where there is only one.
     """
-    given = [] if names is None else [names] if isinstance(names, str) else list(names)
+    several = isinstance(names, Iterable) and not isinstance(names, str)
+    named = tuple(names) if several else names or ()  # type: ignore[arg-type]
+    check_form("--closures", "names", named)
+    given = [named] if isinstance(named, str) else list(named)
     if not given:
         return known_to(plain)
     found = tuple({c.name: c for c in map(get_closure, given)}.values())

@@ -11,7 +11,7 @@ import numpy as np
 
 from ifrfit.data import Source
 from ifrfit.inference.diagnostics.thresholds import REFUTED
-from ifrfit.inference.io.json_text import write_json
+from ifrfit.inference.io.json_text import save_json
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.result.display import Display
@@ -361,7 +361,7 @@ class Comparison(Display):
         }
 
     def save(self, path: str | Path) -> None:
-        """Write compare.json; it appears whole or not at all.
+        """Write compare.json, into a folder that is made where need be; it appears whole or not at all.
 
         Examples
         --------
@@ -369,7 +369,7 @@ class Comparison(Display):
         >>> both = ifrfit.compare("cornell-glass", ["ifr", "fr"], loo=False)
         >>> both.save("compare.json")
         """
-        write_json(self.to_dict(), Path(path))
+        save_json(self.to_dict(), path)
 
 
 def _entry(entry: Entry) -> dict[str, Any]:

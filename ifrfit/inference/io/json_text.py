@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.option_fields import check_form
 
 
 def render(value: Any, depth: int = 0) -> str:
@@ -34,19 +35,28 @@ def dumps(content: dict[str, Any]) -> str:
 
 
 def write_json(content: dict[str, Any], path: Path) -> None:
-    """Write a JSON file, or replace it; it appears whole or not at all.
+    """Write a JSON file, or replace it; it appears whole or not at all."""
+    with replaced(path) as fresh:
+        fresh.write_text(dumps(content), encoding="utf-8", newline="\n")
+
+
+def save_json(content: dict[str, Any], path: str | Path) -> None:
+    """Write a JSON file to where a user wants it: as `write_json`, in a folder that is made if need be.
 
     Raises
     ------
     UsageError
-        For a path that is a folder, or in a folder that does not exist.
+        For a path that is none or a folder, or where nothing can be written.
     """
+    check_form("path", "path", path)
+    path = Path(path)
     if path.is_dir():
         raise UsageError(f"{path}: a folder lies there. Name a file in it, as {path / 'result.json'}.")
-    if not path.parent.is_dir():
-        raise UsageError(f"{path}: the folder {path.parent} does not exist. Make it first.")
-    with replaced(path) as fresh:
-        fresh.write_text(dumps(content), encoding="utf-8", newline="\n")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(content, path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror}). Choose another folder.") from None
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from ifrfit.data.schema import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.io.plain import REMEDY, Node, from_fields, from_plain
 from ifrfit.inference.io.write_result import NULL_MARK, SCHEMA, ParameterInFile
+from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import State
 
@@ -52,6 +53,7 @@ def load_result(path: str | Path) -> FitResult:
     >>> f"{again.constants.mu:.2uS}"
     '0.0894(88)'
     """
+    check_form("path", "path", path)
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -63,8 +65,9 @@ def load_result(path: str | Path) -> FitResult:
     try:
         content = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
+        remedy = REMEDY if text.lstrip().startswith("{") else "Name the result.json of a fit."
         raise DataError(
-            f"{path}, line {error.lineno}, column {error.colno}: this is not JSON ({error.msg}). {REMEDY}"
+            f"{path}, line {error.lineno}, column {error.colno}: this is not JSON ({error.msg}). {remedy}"
         ) from None
     except (ValueError, RecursionError) as error:
         raise DataError(f"{path}: this is not strict JSON ({error}). {REMEDY}") from None
@@ -153,6 +156,7 @@ def _points(node: Node) -> pd.DataFrame:
 
     given = {name: Node([], name, node.file) for name in _POINT_COLUMNS}
     if node.value is not None:
+        node.check(dict)
         given = {name: node[name] for name in dict.fromkeys((*_POINT_COLUMNS, *node.value))}
     columns = {name: _column(name, column) for name, column in given.items()}
     lengths = {name: len(column) for name, column in columns.items()}

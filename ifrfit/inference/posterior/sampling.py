@@ -42,6 +42,8 @@ def draw(
     n : int
     rng : numpy.random.Generator
     """
+    if n == 0:
+        return {name: np.empty(0) for name in names}
     outer, shared = _shared(density, n, rng)
     parts = [_series(grid, outer, shared, n, rng) for grid in density.grids]
     found: dict[str, Array] = {}

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.io.arviz import to_arviz
-from ifrfit.inference.io.json_text import write_json
+from ifrfit.inference.io.json_text import save_json
 from ifrfit.inference.io.lmfit import minimizer_result
 from ifrfit.inference.io.write_result import to_dict
+from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.result.constants_table import with_uncertainties
 from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.findings import Findings
@@ -289,7 +290,7 @@ class FitResult(Findings, Display):
         return to_dict(self)
 
     def save(self, path: str | Path) -> None:
-        """Write result.json; it appears whole or not at all.
+        """Write result.json, into a folder that is made where need be; it appears whole or not at all.
 
         Examples
         --------
@@ -299,7 +300,7 @@ class FitResult(Findings, Display):
         >>> ifrfit.load_result("result.json").constants.mu == fit.constants.mu
         True
         """
-        write_json(self.to_dict(), Path(path))
+        save_json(self.to_dict(), path)
 
     def export(
         self,
@@ -514,6 +515,7 @@ class FitResult(Findings, Display):
         >>> fit = ifrfit.fit("cornell-glass")
         >>> fit.report("report.html")
         """
+        check_form("path", "path", path)
         renderer, path = self._renderer(), Path(path)
         renderer.check_report(path)
         renderer.write_report(self, self._appraisal(), path)

@@ -14,7 +14,7 @@ from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.model.entry_names import name_in, split_name
 from ifrfit.inference.result.state import to_coordinates
-from ifrfit.physics.angles import Incidence
+from ifrfit.physics.angles import Incidence, check_incidence, real_array
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import OBSERVABLES
@@ -83,22 +83,8 @@ def predict(
     import pandas as pd
 
     wanted = OBSERVABLES[observable]
-    try:
-        gamma, s_x, s_y = np.broadcast_arrays(
-            np.atleast_1d(np.asarray(gamma, dtype=float)),
-            np.asarray(spin_x, float),
-            np.asarray(spin_y, float),
-        )
-    except (ValueError, TypeError):
-        raise UsageError(
-            "gamma, spin_x and spin_y: give numbers, or arrays of numbers that are as long as one another."
-        ) from None
-    most = 90.0 if degrees else 0.5 * math.pi
-    if ((gamma < 0.0) | (gamma > most)).any():
-        raise UsageError(
-            f"gamma {float(gamma[(gamma < 0.0) | (gamma > most)][0]):g}: incidence angles lie between 0 and "
-            f"{'90 degrees' if degrees else 'pi/2'} from the normal."
-        )
+    gamma, s_x, s_y = _conditions(gamma, spin_x, spin_y)
+    check_incidence(gamma, degrees=degrees)
     incidence = Incidence.of(gamma, s_x, s_y, degrees=degrees)
     own_series = _series_of(result, series)
     table = {
@@ -117,7 +103,11 @@ def predict(
         # where a bound holds the optimum back the curve runs along the edge of its band, never outside
         band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
         band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
-        own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
+        own = real_array("sigma", _sigma(result, observable, series) if sigma is None else sigma)
+        if own.shape not in ((), (1,), gamma.shape):
+            raise UsageError(
+                f"sigma: has shape {own.shape}. Give one number, or one for each of {gamma.size} angles."
+            )
         error_model = result.noise.error_model
         noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
         new = np.quantile(curves + noise, _QUANTILES, axis=0)
@@ -125,6 +115,28 @@ def predict(
     frame = pd.DataFrame(table)
     frame.attrs["warnings"] = tuple(filter(None, [_excess_friction(result, incidence, own_series)]))
     return frame
+
+
+def _conditions(gamma: ArrayLike, spin_x: ArrayLike, spin_y: ArrayLike) -> tuple[Array, Array, Array]:
+    """Conditions of impacts, finite and as long as one another."""
+    given = {"gamma": gamma, "spin_x": spin_x, "spin_y": spin_y}
+    arrays = {name: real_array(name, value) for name, value in given.items()}
+    for name, array in arrays.items():
+        if array.ndim > 1:
+            raise UsageError(f"{name}: has {array.ndim} dimensions. Give one value for each impact.")
+        if not np.isfinite(array).all():
+            raise UsageError(
+                f"{name} {array[~np.isfinite(array)].flat[0]:g}: there is no such impact. Leave it out."
+            )
+    try:
+        gamma, s_x, s_y = np.broadcast_arrays(
+            np.atleast_1d(arrays["gamma"]), arrays["spin_x"], arrays["spin_y"]
+        )
+    except ValueError:
+        raise UsageError(
+            "gamma, spin_x and spin_y: give numbers, or arrays of numbers that are as long as one another."
+        ) from None
+    return gamma, s_x, s_y
 
 
 def kinks_of(result: Findings, series: str, spin_x: float = 0.0, spin_y: float = 0.0) -> tuple[float, ...]:

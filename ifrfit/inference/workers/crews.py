@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from ifrfit._version import __version__
 from ifrfit.errors import UsageError
+from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.workers.worker_processes import (
     could_not_start,
     end_at_once,
@@ -263,6 +264,9 @@ def crew_of(workers: int, scheduler: str | None) -> Iterator[Crew | None]:
     UsageError
         For numbers that make no sense, and a scheduler beside processes.
     """
+    check_form("--workers", "integer", workers)
+    if scheduler is not None:
+        check_form("--scheduler", "text", scheduler)
     if workers < 1:
         raise UsageError(f"--workers {workers}: it must be 1 or more.")
     if scheduler is not None and workers > 1:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
+from ifrfit.inference.io.json_text import write_json
 from ifrfit.report import panels, style
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.figures import MOST_COLUMNS, series_label
@@ -246,7 +247,7 @@ def write_comparison(comparison: Comparison, out: Path, *, force: bool) -> list[
     """
 
     def fill(folder: Path) -> list[str]:
-        comparison.save(folder / COMPARISON.record)
+        write_json(comparison.to_dict(), folder / COMPARISON.record)
         return [COMPARISON.record, *save_svg_and_png(comparison.plot(), folder, "compare")]
 
     return deliver(fill, Path(out), COMPARISON, force=force)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import ifrfit
 from ifrfit.report.panels import is_outlier
@@ -75,21 +78,34 @@ def test_draws_take_a_number_and_a_generator(fit):
     assert len(fit.draws(np.int64(5), np.random.default_rng(1))) == 5
 
 
+@pytest.mark.parametrize("method", ["exact", "lsq"])
+def test_no_draws_are_a_table_without_rows(method):
+    fit = ifrfit.fit("cornell-glass", method=method)
+    none, one = (fit.draws(n, np.random.default_rng(1)) for n in (0, 1))
+    assert none.empty
+    assert list(none) == list(one)
+
+
 def test_axes_are_those_of_matplotlib(fit):
     for drawn in (fit.plot, fit.plot_residuals):
         with pytest.raises(ifrfit.UsageError, match="ax: 'x' is no Axes"):
             drawn(ax="x")
+    with pytest.raises(ifrfit.UsageError, match="no Axes of matplotlib with two dimensions"):
+        fit.plot(ax=Figure().add_subplot(projection="3d"))
     with pytest.raises(ifrfit.UsageError, match="ax: 1 is no Axes"):
         fit.plot_corner(axes=np.ones((3, 3), dtype=int))
 
 
-def test_a_file_goes_into_a_folder_that_is_there(fit, tmp_path):
+def test_a_file_goes_into_a_folder(fit, tmp_path):
     with pytest.raises(
         ifrfit.UsageError, match=r"a folder lies there\. Name a file in it, as .*result\.json"
     ):
         fit.save(tmp_path)
-    with pytest.raises(ifrfit.UsageError, match=r"the folder .*not-there does not exist"):
-        fit.save(tmp_path / "not-there" / "result.json")
+    fit.save(tmp_path / "not-there" / "result.json")  # as a report does, it makes the folder
+    assert ifrfit.load_result(tmp_path / "not-there" / "result.json").constants.mu == fit.constants.mu
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(ifrfit.UsageError, match=r"result\.json: cannot be written \(.*\)\. Choose another"):
+        fit.save(tmp_path / "file" / "result.json")
 
 
 def frame():
@@ -114,6 +130,30 @@ def frame():
                 frame().assign(gamma_deg=95.0).set_index(pd.Index([f"s{i}" for i in range(20)]))
             ),
             r"table, row 0 \(counted from 0, index 's0'\), column gamma_deg",
+        ),
+        (lambda: ifrfit.fit(frame(), exclude=object()), "^exclude: <object .* is neither the name or number"),
+        (lambda: ifrfit.fit(frame(), exclude=["a"]), r'^exclude="a": names no row'),
+        (lambda: ifrfit.fit(frame(), scene=5), r"^scene: 5 is not a path\."),
+        (lambda: ifrfit.fit(frame(), fix={5: 1}), r'^fix=\{"5": \.\.\.\}: closure IFR has no such constant'),
+        (lambda: ifrfit.fit(frame(), tie={"e_t": 5}), r'^tie=\{"e_t": \.\.\.\}: 5 is not an expression'),
+        (lambda: ifrfit.fit(b"gamma_deg,beta"), r"^b'gamma_deg,beta' \(bytes\) is no table"),
+        (lambda: ifrfit.fit(""), "^An empty name stands for no data"),
+        (lambda: ifrfit.fit([""]), r"^An empty name stands for no data\. Name a file or a dataset"),
+        (lambda: ifrfit.compare(frame(), 5), r"^closures: 5 is not a name or several names\."),
+        (lambda: ifrfit.compare(frame(), [None]), r"^closures: \(None,\) is not a name"),
+        (lambda: ifrfit.compare(frame(), loo="x"), r"^loo: 'x' is not True or False\."),
+        (lambda: ifrfit.compare(frame(), workers="a"), r"^workers: 'a' is not a whole number\."),
+        (lambda: ifrfit.load_dataset(None), r"^There is no dataset 'None'\. The datasets are"),
+        (lambda: ifrfit.load_result(None), r"^path: None is not a path\."),
+        (lambda: ifrfit.Bootstrap(replicates=0), "^Bootstrap.replicates=0.: choose from 100 to"),
+        (
+            lambda: ifrfit.fit(frame().assign(beta=1e-300)),
+            r"1e-300 is impossible for beta \(0, or 1e-60 and more in size\)\. Write 0",
+        ),
+        (lambda: ifrfit.fit(frame().assign(t=1.0)), r'column t: unknown name\. .*"column:NAME=t"'),
+        (
+            lambda: ifrfit.fit(frame().rename(columns={"beta": "beta, contact"})),
+            r'unknown name\. .*"column:NAME=beta, contact"',
         ),
         (
             lambda: ifrfit.fit(pd.concat([frame(), frame()["beta"]], axis=1)),
@@ -151,3 +191,56 @@ def test_an_option_that_is_an_object_is_told_as_one():
         ifrfit.UsageError, match=r"'effective' is no AngleErrors\. Give ifrfit\.AngleErrors\("
     ):
         ifrfit.Noise("known", angles="effective")
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"gamma": [[1.0, 2.0], [3.0, 4.0]]}, r"^gamma: has 2 dimensions\. Give one value for each impact\."),
+        ({"gamma": np.nan}, "^gamma nan: there is no such impact"),
+        ({"gamma": None}, "^gamma: None is no number, nor an array of them: give numbers"),
+        ({"gamma": 10.0, "spin_y": np.inf}, "^spin_y inf: there is no such impact"),
+        ({"gamma": 10.0, "observable": ["beta", "e_n"]}, "^There is no observable .*Choose one of"),
+        ({"gamma": 10.0, "sigma": "a"}, "^sigma: 'a' is no number"),
+        (
+            {"gamma": [10.0, 20.0], "sigma": [1.0, 2.0, 3.0]},
+            r"^sigma: has shape \(3,\)\. Give one number, or",
+        ),
+        ({"gamma": 30.0, "degrees": False}, "^gamma 30: .* between 0 and pi/2"),
+    ],
+)
+def test_what_is_no_impact_is_not_predicted(fit, asked, says):
+    with pytest.raises(ifrfit.UsageError, match=says):
+        fit.predict(**asked)
+
+
+def test_none_is_no_path(fit):
+    for write in (fit.save, fit.report):
+        with pytest.raises(ifrfit.UsageError, match=r"^path: None is not a path\."):
+            write(None)
+
+
+def test_a_file_that_is_no_result_is_not_told_to_be_broken(tmp_path, fit):
+    table = tmp_path / "impacts.csv"
+    frame().to_csv(table, index=False)
+    with pytest.raises(ifrfit.DataError, match=r"is not JSON .*\. Name the result\.json of a fit\.$"):
+        ifrfit.load_result(table)
+    result = tmp_path / "result.json"
+    fit.save(result)
+    with pytest.raises(ifrfit.DataError, match=r"^.*result\.json: this is JSON, not a text table\."):
+        ifrfit.fit(result)
+    result.write_text(json.dumps(fit.to_dict() | {"points": 5}), encoding="utf-8")
+    with pytest.raises(ifrfit.DataError, match="the key 'points' must be an object"):
+        ifrfit.load_result(result)
+
+
+def test_what_is_no_number_is_not_simulated(tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'sphere = {diameter_mm = 5, material = "alumina"}\nwall = {material = "soda-lime-glass"}\n'
+        "impact = {gamma_deg = [20, 60], speed_m_s = 3.9}\nconstants = {e_n = 0.98, e_t = -0.9, mu = 0.09}\n",
+        encoding="utf-8",
+    )
+    for asked in ({"samples": "a"}, {"samples": 1.5}, {"seed": None}):
+        with pytest.raises(ifrfit.UsageError, match=r"^(samples|seed): .* is not a whole number\."):
+            ifrfit.simulate(scene, **asked)

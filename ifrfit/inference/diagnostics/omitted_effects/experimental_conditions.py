@@ -15,6 +15,7 @@ from pathlib import Path
 from ifrfit.data import Observations, Source
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.omitted_effects.types import SceneOfData
+from ifrfit.inference.option_fields import check_form
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.scenes import Material, Quantity, Surroundings, read_surroundings, recognised
@@ -70,6 +71,7 @@ def setting_of(
     """
     sources = [source for source in observations.sources if source.rows_used > 0]
     if scene is not None:
+        check_form("--scene", "path", scene)
         return _from_file(Path(scene), sources, inertia_factor)
     conditions = [source.descriptor.conditions if source.descriptor else {} for source in sources]
     if not conditions or not conditions[0] or any(one != conditions[0] for one in conditions[1:]):
