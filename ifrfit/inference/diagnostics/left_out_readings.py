@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from scipy import optimize, special
+from scipy import special
 
 from ifrfit.data.double_counting import impact_numbers
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.scalar_search import bounded_minimum
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BODIES, is_plausible
@@ -31,6 +32,7 @@ _AS_GOOD = 1.1  # rms that a remedy may leave over that of the best
 _SAME_BODY = 0.05  # J this near to that of a body, or within 2 sd, is meant to be that
 _FACTORS = (-1.0, 3.0)  # impulse factors that angles are searched for
 _HALVINGS = 50
+_NEAR = 1e-5  # to which remedies are searched
 _ANGLES = ("delta_deg", "psi_after_deg", "psi_out_deg")  # that rise or fall with the impulse factor
 _SPINS = ("spin_x_after", "spin_y_after")
 # what is known of an impact, by the measurements that an observable takes
@@ -294,8 +296,7 @@ def _remedies(one: _Beside) -> list[str]:
     found: list[tuple[float, str]] = []
     spins = bool({*one.used, one.observable.name} & set(_SPINS))
     for of, ends in ((one.with_inertia, (0.05, 1.0)), (one.spins_times, (-3.0, 3.0))):
-        best = optimize.minimize_scalar(partial(left, of), bounds=ends, method="bounded")
-        x, rms = float(best.x), float(best.fun)
+        rms, x = bounded_minimum(partial(left, of), *ends, _NEAR)
         slope = root * (of(x + _STEP).off() - of(x - _STEP).off()) / (2.0 * _STEP)
         steep = float(slope @ slope)
         if steep < _STEP**2 or (of == one.spins_times and not spins):
