@@ -65,7 +65,7 @@ def load_result(path: str | Path) -> FitResult:
     try:
         content = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
-        remedy = REMEDY if text.lstrip().startswith("{") else "Name the result.json of a fit."
+        remedy = REMEDY if text.lstrip()[:1] in ("", "{") else "Name the result.json of a fit."
         raise DataError(
             f"{path}, line {error.lineno}, column {error.colno}: this is not JSON ({error.msg}). {remedy}"
         ) from None

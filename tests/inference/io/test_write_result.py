@@ -11,7 +11,7 @@ import pytest
 from json_schemas import validator
 
 import ifrfit
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.io import json_text
 from ifrfit.inference.io import write_result as serialise
 from ifrfit.inference.io.json_text import dumps
@@ -249,7 +249,7 @@ def test_saving_replaces_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(json_text.os, "replace", fail)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(UsageError, match=r"cannot be written \(No space left"):
         made.stand_in().save(path)
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["result.json"]
