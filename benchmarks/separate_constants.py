@@ -22,7 +22,8 @@ from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.posterior import exact_posterior
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
+from ifrfit.inference.posterior.importance_sampling import sample_by_importance
 from ifrfit.physics import OBSERVABLES, get_closure, rebound
 
 INERTIA_FACTOR = 0.4

@@ -20,11 +20,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
 from ifrfit.inference.posterior import TOLERANCE, ExactPosterior, log_evidence
-from ifrfit.inference.posterior.importance_sampling import (
-    EvidenceByDraws,
-    ImportancePosterior,
-    with_kept_rows,
-)
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
+from ifrfit.inference.posterior.importance_sampling import EvidenceByDraws, with_kept_rows
 from ifrfit.inference.posterior.integrators import evidence_by_draws, evidence_is_sampled
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of

@@ -2,7 +2,7 @@
 
 from ifrfit.inference.posterior.adaptive_quadrature import TOLERANCE as TOLERANCE
 from ifrfit.inference.posterior.adaptive_quadrature import integrate as integrate
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior as ImportancePosterior
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior as ImportancePosterior
 from ifrfit.inference.posterior.integrators import ExactPosterior as ExactPosterior
 from ifrfit.inference.posterior.integrators import exact_posterior as exact_posterior
 from ifrfit.inference.posterior.integrators import log_evidence as log_evidence

@@ -20,19 +20,22 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.constants_density import FactorisedDensity, SeriesFactor
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
 from ifrfit.inference.posterior.importance_sampling import (
-    REPLICATES,
     TARGET,
     EvidenceByDraws,
-    ImportancePosterior,
-    believed_evidence,
     known_modes,
     noise_marginals,
-    replicated_evidence,
     standard_error,
     with_kept_rows,
 )
-from ifrfit.inference.posterior.importance_weights import effective_share, tempered
+from ifrfit.inference.posterior.importance_weights import (
+    REPLICATES,
+    believed_evidence,
+    effective_share,
+    replicated_evidence,
+    tempered,
+)
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.mixture_proposal import (
     Array,

@@ -8,18 +8,16 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import (
     FAR_BELOW,
-    LARGEST_WEIGHT,
-    LEAST_EFFECTIVE,
     SAMPLING_ERROR,
 )
 from ifrfit.inference.distributions.draws import Draws, WeightedDraws
@@ -31,7 +29,13 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.grid_settings import fits_at_modes
-from ifrfit.inference.posterior.importance_weights import effective_share
+from ifrfit.inference.posterior.importance_posterior import ROUGHLY, ImportancePosterior
+from ifrfit.inference.posterior.importance_weights import (
+    REPLICATES,
+    believed_evidence,
+    effective_share,
+    replicated_evidence,
+)
 from ifrfit.inference.posterior.marginals import Marginal, noise_over_squares
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, lattice
 from ifrfit.inference.posterior.noise_scale import NoiseScale
@@ -45,14 +49,12 @@ from ifrfit.inference.posterior.proposal_adaptation import (
 Array = NDArray[np.float64]
 
 TARGET = 0.02  # standard error at which sampling ends
-REPLICATES = 16  # lattices with shifts of their own
 _FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are integrated out
 # Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
 # to count as converged, and in any case
 WORK, MOST_WORK = 6_000_000, 18_000_000
 _OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
-_FEWEST = 400  # effective draws below which an evidence is not believed: 0.05 if they were independent
 _FEWER = 4  # times fewer points to begin with where the evidence alone is asked for
 _FITS_FIRST = 3  # of the law about the modes, before one is adapted
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
@@ -63,100 +65,6 @@ _FALL, _HEAVIEST = (
 )  # of the log density from the optimum to draws that missed it; draws that are asked
 _NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
 _NORMAL = np.exp(-0.5 * special.ndtri(np.array(LEVELS)) ** 2) / math.sqrt(2.0 * math.pi)  # its density there
-_ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
-
-
-@dataclass(frozen=True)
-class ImportancePosterior(WeightedDraws):
-    """What the data and the priors say of every constant, by weighted draws with their standard error.
-
-    Attributes
-    ----------
-    problem : Problem
-    log_evidence : float
-        Log of the integral of the normalised likelihood times the normalised prior.
-    error : float
-        Largest standard error of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %,
-        in posterior standard deviations.
-    error_evidence : float
-        Standard error of the log evidence.
-    tolerance : float
-        Standard error that counts as converged.
-    largest_weight : float
-        Of a draw.
-    noises : mapping
-        Marginal of each noise that is integrated out given the constants, by its name.
-    parts : tuple of WeightedDraws
-        Draws of some of the quantities with weights of their own, which are more even than those of all
-        together: of what series share, and of each series.
-    """
-
-    problem: Problem = field(repr=False)
-    log_evidence: float
-    error: float
-    error_evidence: float
-    tolerance: float
-    largest_weight: float
-    noises: Mapping[str, Marginal] = field(repr=False)
-    parts: tuple[WeightedDraws, ...] = field(default=(), repr=False)
-
-    @cached_property
-    def n_draws(self) -> float:
-        """Number of draws of equal weight that tell as much, of the part that has fewest."""
-        return min((part.n_draws for part in self.parts), default=super().n_draws)
-
-    @cached_property
-    def _part_of(self) -> Mapping[str, WeightedDraws]:
-        """The part that knows a quantity, by name."""
-        return {name: part for part in self.parts for name in (*part.values, *part.transitions)}
-
-    def mean(self, name: str) -> float:
-        """Mean."""
-        if name in self.noises:
-            return self.noises[name].moments(0)[0]
-        return self._part_of[name].mean(name) if name in self._part_of else super().mean(name)
-
-    def sd(self, name: str) -> float:
-        """Standard deviation."""
-        if name in self.noises:
-            return self.noises[name].moments(0)[1]
-        return self._part_of[name].sd(name) if name in self._part_of else super().sd(name)
-
-    def quantile(self, name: str, p: ArrayLike) -> Array | float:
-        """Quantiles; p scalar or array, 0 to 1."""
-        if name in self._part_of:
-            return self._part_of[name].quantile(name, p)
-        if name not in self.noises:
-            return super().quantile(name, p)
-        found = self.noises[name].quantiles(np.atleast_1d(np.asarray(p, dtype=float)), _ROUGHLY)
-        return float(found[0]) if np.ndim(p) == 0 else found
-
-    def cdf(self, name: str, value: ArrayLike) -> Array | float:
-        """Probability below a value."""
-        if name in self._part_of:
-            return self._part_of[name].cdf(name, value)
-        if name not in self.noises:
-            return super().cdf(name, value)
-        found = self.noises[name].below(np.atleast_1d(np.asarray(value, dtype=float)))
-        return float(found[0]) if np.ndim(value) == 0 else found
-
-    def share_of(self, inside: NDArray[np.bool_]) -> tuple[float, float]:
-        """Probability of some of the draws, and the standard error of its logarithm.
-
-        The error is infinite where few draws carry the weight.
-        """
-        weights = np.where(inside, self.weights, 0.0)
-        if not weights.any():
-            return 0.0, math.inf
-        with np.errstate(divide="ignore"):
-            found, error = believed_evidence(np.log(weights))
-        return self.weights.size * math.exp(found), error
-
-    @property
-    def converged(self) -> bool:
-        """Whether errors are small, and enough draws carry the weight for these to be believed."""
-        is_even = self.largest_weight <= LARGEST_WEIGHT and self.n_draws >= LEAST_EFFECTIVE
-        return is_even and max(self.error, self.error_evidence) <= self.tolerance
 
 
 def sample_by_importance(
@@ -469,29 +377,6 @@ class _Replicates:
         return found
 
 
-def replicated_evidence(log_weights: Array) -> tuple[float, float]:
-    """Log of the mean weight, and its standard error from the scatter of the replicates' means, eq. (18).
-
-    Parameters
-    ----------
-    log_weights : ndarray, (m,)
-        Log of density over the one drawn from, replicate by replicate.
-    """
-    each = log_weights.reshape(REPLICATES, -1)
-    log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
-    relative = np.exp(log_z - log_z.max())
-    error = float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES)
-    return float(special.logsumexp(log_z) - math.log(REPLICATES)), error
-
-
-def believed_evidence(log_weights: Array) -> tuple[float, float]:
-    """As `replicated_evidence`; the error is infinite where few draws carry the weight."""
-    found, error = replicated_evidence(log_weights)
-    weights = special.softmax(log_weights)
-    is_even = float(weights.max()) <= LARGEST_WEIGHT and float(weights @ weights) <= 1.0 / _FEWEST
-    return found, error if is_even else math.inf
-
-
 def noise_marginals(scales: Mapping[str, NoiseScale], weights: Array, squares: Array) -> dict[str, Marginal]:
     """Marginal of each noise that is integrated out, by its name, eq. (11).
 
@@ -569,7 +454,7 @@ def _errors_of_noises(
     parts = squares.reshape(*shares.shape, squares.shape[1])
     replicates = [noise_marginals(scales, *each) for each in zip(shares, parts, strict=True)]
     for name, marginal in noises.items():
-        at = marginal.at_levels(_ROUGHLY)
+        at = marginal.at_levels(ROUGHLY)
         found = np.array([_of_marginal(each[name]) for each in replicates])
         below = np.array([each[name].cdf(at, 1)[0] for each in replicates])
         yield _scatter(found, below, marginal.moments(0)[1])
@@ -601,4 +486,4 @@ def _of_draws(part: WeightedDraws) -> list[float]:
 
 def _of_marginal(own: Marginal) -> list[float]:
     """The same of a noise."""
-    return [*own.moments(0), *own.at_levels(_ROUGHLY).tolist()]
+    return [*own.moments(0), *own.at_levels(ROUGHLY).tolist()]

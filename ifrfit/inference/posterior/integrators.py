@@ -21,11 +21,11 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
 from ifrfit.inference.posterior.constants_density import factorises
 from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries, sample_by_series
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
 from ifrfit.inference.posterior.importance_sampling import (
     TARGET,
     EvidenceByDraws,
     EvidenceByImportance,
-    ImportancePosterior,
     sample_by_importance,
 )
 from ifrfit.inference.posterior.integral_layout import no_grid

@@ -23,7 +23,7 @@ from ifrfit.inference.posterior import (
 )
 from ifrfit.inference.posterior.constants_density import FactorisedDensity, factorises
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
 from ifrfit.inference.posterior.integrators import log_evidence
 from ifrfit.inference.posterior.mixture_proposal import Beside, Component, MixtureProposal
 

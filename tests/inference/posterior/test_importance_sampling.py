@@ -24,11 +24,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import constants_density, exact_posterior, importance_sampling, integrate
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
-from ifrfit.inference.posterior.importance_sampling import (
-    EvidenceByImportance,
-    ImportancePosterior,
-    sample_by_importance,
-)
+from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
+from ifrfit.inference.posterior.importance_sampling import EvidenceByImportance, sample_by_importance
 from ifrfit.physics import get_closure
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
