@@ -13,7 +13,7 @@ _OPTION = re.compile(rf"--([a-z](?:[a-z0-9-]*[a-z0-9])?)(?: (?!--)({_WORD}))?")
 _COMMANDS = re.compile(r"('(?:ifrfit|dask|pip) [^']*')")  # to be typed as they stand
 _OBJECTS = re.compile(r"(\w+)\(([^()]*)\) \1\(([^()]*)\)")
 _VALUE = r'"[^"]*"|[\w.+-]*\w'
-_SAME = re.compile(rf"(\w+=)(?:({_VALUE})|\[([^\]]*)\]) \1({_VALUE})")
+_SAME = re.compile(rf"(\w+=)(?:({_VALUE})|\[([^\]]*)\]) \1(?:({_VALUE})|\[([^\]]*)\])")
 _CALL = re.compile(r'\bifrfit (fit|compare|simulate)\b(?: (\w+=(?:"[^"]*"|[\w.]+)))?')
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _PLACEHOLDER = re.compile(r"[A-Z_]+")  # as DIR
@@ -77,8 +77,8 @@ def _words(text: str) -> str:
 
 
 def _listed(same: re.Match[str]) -> str:
-    before = same[3] if same[2] is None else same[2]
-    return f"{same[1]}[{before}, {same[4]}]"
+    before, behind = same[2] or same[3], same[4] or same[5]
+    return f"{same[1]}[{before}, {behind}]"
 
 
 def _option(found: re.Match[str]) -> str:

@@ -31,6 +31,7 @@ from ifrfit.option_words import in_python
         ("--angle-offset 0.5", "AngleErrors(offset_sd=0.5)"),
         ("--separate mu --separate e_t", 'separate=["mu", "e_t"]'),
         ("--exclude 3 --exclude 7 --exclude a.csv:9", 'exclude=[3, 7, "a.csv:9"]'),
+        ("--exclude 1 --exclude 2 --exclude 3 --exclude 4", "exclude=[1, 2, 3, 4]"),
         ("--convention 'ignore=my column'", 'convention="ignore=my column"'),
         ("ifrfit compare shows", "ifrfit.compare shows"),
         ("ifrfit fit --method exact makes", 'ifrfit.fit(..., method="exact") makes'),

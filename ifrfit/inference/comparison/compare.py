@@ -13,7 +13,11 @@ from scipy import special
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.loo import loo_of, with_differences
-from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
+from ifrfit.inference.comparison.prior_sensitivity import (
+    optima_beyond_priors,
+    prior_of,
+    prior_table,
+)
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.reservations import with_reservations
 from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo, PriorRow, PsiPlane
@@ -286,7 +290,9 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
         optimum = least_squares(other, proven=False)
         posterior = exact_posterior(other, _TOLERANCE, optimum, seed=result.seed)
         estimation = posterior_estimation(other, optimum, posterior, None)
-        return build_result(other, optimum, estimation, seed=result.seed, compared=True)
+        return build_result(
+            other, optimum, estimation, seed=result.seed, command=result.command, compared=True
+        )
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error.in_shell}") from None
 
@@ -307,7 +313,7 @@ def _weighed(
         loo = False
         notes += ("Rows have errors in common, which tie impacts to one another: none is left out by turns.",)
     found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
-    notes += without
+    notes += (*without, *optima_beyond_priors(fits))
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)

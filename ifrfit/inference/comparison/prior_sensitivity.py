@@ -16,7 +16,8 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
-from ifrfit.inference.optimize.least_squares import followed
+from ifrfit.inference.optimize.least_squares import followed, least_squares
+from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.posterior import (
     ExactPosterior,
     ImportancePosterior,
@@ -27,6 +28,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
+from ifrfit.text import joined
 
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
@@ -46,6 +48,43 @@ def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
             if constant.prior is not None:
                 found[constant.name] |= {"mean": constant.prior[0], "sd": constant.prior[1]}
     return found
+
+
+def optima_beyond_priors(fits: Mapping[str, FitResult]) -> tuple[str, ...]:
+    """Of closures whose optimum lies beyond their prior, where criteria and evidence are of other constants.
+
+    AIC, BIC and p of fit are of the best point of the domain, in which mu has no end; the evidence is an
+    integral over the prior. Told where twice the log likelihood differs by more than a constant costs in AIC.
+    """
+    said = []
+    for name, fit in fits.items():
+        problem, optimum = fit.problem_and_optimum()
+        free, theta = problem.parameters.free, optimum.optimum.theta
+        beyond = [
+            (unknown, float(value))
+            for unknown, value in zip(problem.free_parameters, theta[free], strict=True)
+            if value > unknown.upper
+        ]
+        is_plain = problem.error_model.is_plain and problem.common is None and problem.offset is None
+        if not (beyond and is_plain and all(math.isfinite(value) for _, value in beyond)):
+            continue
+        confined = problem.within_prior()
+        within = least_squares(confined, proven=False)
+        gain = 2.0 * (_log_likelihood(problem, theta) - _log_likelihood(problem, within.optimum.theta))
+        if gain > 2.0:
+            places = joined([f"{unknown.name} = {value:.3g}" for unknown, value in beyond])
+            ends = joined([f"{unknown.name} up to {unknown.upper:g}" for unknown, _ in beyond])
+            said.append(
+                f"AIC, BIC and p of fit of {get_closure(name).title} are of {places}; its evidence is of the "
+                f"prior, {ends}, where AIC is {gain:.3g} more."
+            )
+    return tuple(said)
+
+
+def _log_likelihood(problem: Problem, theta: Array) -> float:
+    """At constants, with the noise that makes it largest there; less what is the same for all constants."""
+    sigma = problem.noise.sigma if problem.noise.is_known else likely_sigma(problem, theta)
+    return float(-0.5 * np.sum((problem.residual(theta) / sigma) ** 2) - np.log(sigma).sum())
 
 
 def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:

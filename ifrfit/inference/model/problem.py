@@ -319,6 +319,13 @@ class Problem:
         """The same question with parameters, or single entries of theta, fixed at values by name."""
         return replace(self, parameters=self.parameters.with_fixed(values))
 
+    def within_prior(self) -> Problem:
+        """The same where no constant goes beyond its prior: an open mu ends where its default prior does."""
+        return self.with_parameters(
+            each if each.fixed is not None else replace(each, upper=FreeParameter.of(each.name, each).upper)
+            for each in self.parameters
+        )
+
     def with_closure(self, closure: Closure, parameters: Iterable[Parameter] | None = None) -> Problem:
         """The same question for another closure.
 

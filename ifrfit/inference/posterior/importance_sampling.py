@@ -209,11 +209,20 @@ class EvidenceByImportance(EvidenceByDraws):
 
 
 def known_modes(density: ConstantsDensity, start: LeastSquaresFit) -> list[Gaussian]:
-    """Centre and covariance, in coordinates, of the posterior about each mode that least squares knows."""
-    problem = at_fitted_offset(density.problem, start)
-    free = problem.parameters.free
+    """Centre and covariance, in coordinates, of the posterior about each mode that least squares knows.
+
+    Where one lies beyond the end of a prior, least squares search again up to there: an open mu whose optimum
+    is 47 says nothing of where the posterior lies below 2.
+    """
+    free = density.problem.parameters.free
+    ends = np.array([unknown.upper for unknown in density.problem.free_parameters])
+    modes = fits_at_modes(at_fitted_offset(density.problem, start), start, _RISE)
+    if any(np.any(mode.optimum.theta[free] > ends) for mode in modes):
+        confined = density.problem.within_prior()
+        start = least_squares(confined, proven=False)
+        modes = fits_at_modes(at_fitted_offset(confined, start), start, _RISE)
     found = []
-    for mode in fits_at_modes(problem, start, _RISE):
+    for mode in modes:
         theta, covariance = mode.optimum.theta, mode.gaussian.covariance(capped=True)
         found.append(_in_coordinates(density, start, theta[free], covariance[np.ix_(free, free)], mode.sigma))
     return found

@@ -10,7 +10,8 @@ import pytest
 from comparison_data import FOUR, observations
 from factories import problem_of
 
-from ifrfit.inference.comparison import compare, prior_sensitivity
+import ifrfit
+from ifrfit.inference.comparison import compare, compare_result, prior_sensitivity
 from ifrfit.inference.comparison.prior_sensitivity import MU_WIDTHS, prior_of
 from ifrfit.inference.posterior import exact_posterior, log_evidence
 
@@ -141,3 +142,27 @@ def test_weighted_draws_know_their_share_between_ends(monkeypatch):
         assert math.log(share) == pytest.approx(exact, abs=0.04)
     # far outside no draw tells
     assert sampled.share_of(np.zeros(sampled.weights.size, dtype=bool)) == (0.0, math.inf)
+
+
+def test_an_optimum_beyond_the_prior_is_told_beside_its_criteria():
+    # maw on faceted rocks: by AIC as good as fr, by the evidence 64 behind, since its mu of 47 is no prior's
+    both = compare("wang-2018-limestone", ["fr", "maw"], loo=False)
+    assert both.converged
+    (said,) = [note for note in both.notes if "AIC" in note]
+    assert said.startswith("AIC, BIC and p of fit of MAW are of mu = 47")
+    aic = both.table()["aic"]
+    assert aic["maw"] < aic["fr"]
+    assert both.entries["maw"].log_bayes_factor < -50.0
+    # the same within the prior, by a bound: AIC is more by what is said
+    within = compare("wang-2018-limestone", ["fr", "maw"], loo=False, bounds={"mu": (0.0, 2.0)})
+    assert within.table()["aic"]["maw"] - aic["maw"] == pytest.approx(129.0, abs=0.5)
+    assert within.entries["maw"].log_evidence == pytest.approx(both.entries["maw"].log_evidence, abs=0.02)
+
+
+def test_an_optimum_within_the_prior_says_nothing(found):
+    assert not [note for note in found.notes if "AIC" in note]
+
+
+def test_closures_beside_a_fit_of_a_command_speak_its_words():
+    fit = ifrfit.fit("cornell-glass", command="ifrfit fit cornell-glass")
+    assert {e.fit.command for e in compare_result(fit).entries.values()} == {fit.command}

@@ -15,9 +15,11 @@ import pytest
 from factories import rest_long
 from posterior_questions import Question, Row
 
+import ifrfit
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.prior_laws import HalfNormal, LogNormal
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import proposal_adaptation
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.importance_sampling import sample_by_importance
@@ -180,18 +182,44 @@ def test_points_are_enough_for_a_covariance_where_walkers_are_stuck_on_a_ridge()
         assert all(len(points) >= 64 and np.isfinite(points).all() for points in found)
 
 
-def test_draws_far_below_the_optimum_do_not_converge() -> None:
-    # least squares find a mu of 3.5, where the posterior ends at 2, and draws about that end have exp(-290)
-    # of its likelihood; there is a better place at mu = 0.037, with a log evidence of 0.46
-    rows = (
-        Row("e_n", 71.639, 0.9228, 0.00696, 0.9643, -0.4838, "a"),
-        Row("v_x", 63.909, 0.67664, 0.005, -0.4357, -0.1528, "a"),
-        Row("spin_y_after", 44.606, -0.452456, 0.000858, -0.3087, 0.3355, "a"),
-        Row("e_n", 28.844, 0.914598, 0.000392, 0.7081, -0.2662, "b"),
-        Row("v_x", 44.464, 0.477475, 0.00118, 0.0433, 0.0645, "b"),
-        Row("spin_y_after", 85.754, -0.454612, 0.000388, -0.7737, 0.4956, "b"),
-    )
-    problem = replace(Question(rows, "ifr-contact").problem(), error_model=ErrorModel(offset=1.43))
-    for seed in range(3):
-        found = sample_by_importance(problem, seed=seed)
-        assert not found.converged or abs(found.log_evidence - 0.463) < 0.1
+# least squares find a mu of 3.5, where the posterior ends at 2, and draws about that end have exp(-290) of
+# its likelihood; there is a better place at mu = 0.037, with a log evidence of 0.463
+BEYOND = (
+    Row("e_n", 71.639, 0.9228, 0.00696, 0.9643, -0.4838, "a"),
+    Row("v_x", 63.909, 0.67664, 0.005, -0.4357, -0.1528, "a"),
+    Row("spin_y_after", 44.606, -0.452456, 0.000858, -0.3087, 0.3355, "a"),
+    Row("e_n", 28.844, 0.914598, 0.000392, 0.7081, -0.2662, "b"),
+    Row("v_x", 44.464, 0.477475, 0.00118, 0.0433, 0.0645, "b"),
+    Row("spin_y_after", 85.754, -0.454612, 0.000388, -0.7737, 0.4956, "b"),
+)
+
+
+def beyond() -> Problem:
+    """Six readings whose least squares optimum lies beyond the end of the prior of mu."""
+    return replace(Question(BEYOND, "ifr-contact").problem(), error_model=ErrorModel(offset=1.43))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_optimum_beyond_the_prior_does_not_hide_the_mode_within(seed: int) -> None:
+    found = sample_by_importance(beyond(), seed=seed)
+    assert found.converged
+    assert abs(found.log_evidence - 0.463) < 0.02
+
+
+def test_draws_far_below_the_known_modes_do_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
+    # the negative control: without a search within the prior, draws of some seeds are all about its end
+    monkeypatch.setattr(Problem, "within_prior", lambda problem: problem)
+    sampled = [sample_by_importance(beyond(), seed=seed) for seed in range(3)]
+    is_far = [found.log_evidence < -200.0 for found in sampled]
+    assert any(is_far)
+    for found, far in zip(sampled, is_far, strict=True):
+        assert not found.converged if far else abs(found.log_evidence - 0.463) < 0.1
+
+
+def test_a_closure_whose_optimum_is_beyond_the_prior_converges() -> None:
+    # maw on real impacts: least squares find mu = 47, and the posterior has its mass well below 2
+    problem, _ = ifrfit.fit("wang-2018-limestone", closure="maw", method="lsq").problem_and_optimum()
+    assert least_squares(problem, proven=False).optimum.theta.max() > 2.0
+    found = sample_by_importance(problem)
+    assert found.converged
+    assert found.log_evidence == pytest.approx(118.83, abs=0.05)
