@@ -3,8 +3,8 @@ from .cost.measure import measure_costs as measure_costs
 from .data import Observations as Observations
 from .data import load_dataset as load_dataset
 from .data import read as read
-from .data import read_figure as read_figure
-from .data import read_tracks as read_tracks
+from .data.read_figure import read_figure as read_figure
+from .data.read_tracks import read_tracks as read_tracks
 from .errors import DataError as DataError
 from .errors import IfrfitError as IfrfitError
 from .errors import UsageError as UsageError

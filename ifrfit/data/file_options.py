@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ifrfit.data.figures.importers import importer_of
 from ifrfit.data.figures.question import KEYS
 from ifrfit.data.sheets import is_spreadsheet
 from ifrfit.errors import UsageError
@@ -59,6 +58,8 @@ def _is_about(key: str, file: str | Path, files: Sequence[str | Path]) -> bool:
     if key == _SHEET:
         sheets = [each for each in files if is_spreadsheet(_head(each))]
         return not sheets or file in sheets
+    from ifrfit.data.figures.importers import importer_of
+
     projects = [each for each in files if importer_of(_head(each), as_points=False) is not None]
     return not projects or file in projects
 

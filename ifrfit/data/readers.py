@@ -17,7 +17,6 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
-from ifrfit.data.figures.figure_table import cells_of_figure
 from ifrfit.data.observations import Observations, Source, combine, make_table
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
@@ -110,6 +109,8 @@ def read_table(path: Path, conventions: Conventions) -> Cells:
     DataError
         As `ifrfit.data.tabular.read_cells`.
     """
+    from ifrfit.data.figures.figure_table import cells_of_figure  # which tables in memory do not need
+
     named = conventions.mentioned
     figure = cells_of_figure(path, conventions)
     if figure is not None:

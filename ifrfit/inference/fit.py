@@ -17,7 +17,6 @@ from ifrfit.data.covariance import with_covariance
 from ifrfit.data.file_options import conventions_of
 from ifrfit.data.selection import rows_with_sigma
 from ifrfit.data.stream.files import NotStreamableError, is_stream
-from ifrfit.data.stream.impact_stream import ImpactStream
 from ifrfit.data.table_objects import is_records, is_table, refuse_other
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
@@ -51,6 +50,7 @@ Table = Any  # a data frame of pandas or polars, an Arrow table, a mapping of co
 Data = str | Path | Observations | Table
 
 if TYPE_CHECKING:
+    from ifrfit.data.stream.impact_stream import ImpactStream
     from ifrfit.inference.sufficient_statistics.stream_fit import Asked
 
 _LOG = logging.getLogger(__name__)
@@ -249,6 +249,8 @@ def open_stream(path: Path, model: Model, noise: Noise, keywords: Mapping[str, A
     UsageError, DataError
         As `ImpactStream.of`, and for what needs single rows.
     """
+    from ifrfit.data.stream.impact_stream import ImpactStream
+
     inertia = SOLID if model.inertia_factor is None else model.inertia_factor
     selection = selection_of(keywords)
     try:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ifrfit.data.figures.error_bars import standard_errors
 from ifrfit.errors import UsageError
 
 ONE_PIXEL = 1.0
@@ -76,8 +75,11 @@ def figure_question(
     given = (x, y, axes, pixels, bars)
     if all(each is None for each in given) and not datasets and not series:
         return None
+    from ifrfit.data.figures.error_bars import standard_errors  # tables are read without it
+
+    axes_said = (x or "").strip(), (y or "").strip(), axes
     return FigureQuestion(
-        (x or "").strip(), (y or "").strip(), axes, tuple(datasets), tuple(series), _positive(pixels), standard_errors(bars)
+        *axes_said, tuple(datasets), tuple(series), _positive(pixels), standard_errors(bars)
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 from project_files import CLICKS, as_json, axes, calibration, dataset, pixel, version_4
 
 import ifrfit
-from ifrfit.data import combine, read, read_figure
+from ifrfit.data import combine, read
+from ifrfit.data.read_figure import read_figure
 from ifrfit.data.common_errors import loadings_of
 from ifrfit.data.table_text import table_text
 

@@ -8,7 +8,8 @@ from project_files import as_json, dataset, pixel, version_4
 from refusals import refused
 
 import ifrfit
-from ifrfit.data import Selection, combine, read, read_figure, select
+from ifrfit.data import Selection, combine, read, select
+from ifrfit.data.read_figure import read_figure
 from ifrfit.errors import UsageError
 
 GAMMA = np.linspace(8.0, 82.0, 15)
