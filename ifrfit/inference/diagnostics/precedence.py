@@ -28,6 +28,7 @@ from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_read
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
+from ifrfit.inference.diagnostics.second_readings import second_readings
 from ifrfit.inference.diagnostics.sigma_of_few import sigma_of_few
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
@@ -58,6 +59,7 @@ _ORDER = (
     "pooling",
     "prior_conflict",
     "duplicates",
+    "second_readings",
     "repeated_number",
     "angle_scatter",
     "unequal_noise",
@@ -154,7 +156,8 @@ def misfit_facts(
     _of_constants(so_far, problem, found, brief)
     if not brief:
         so_far.tell("left_out_readings", left_out_readings(problem, found))
-        so_far.tell("duplicates", duplicates(problem, found))
+        if not so_far.tell("duplicates", duplicates(problem, found)):
+            so_far.tell("second_readings", second_readings(problem, found, residuals))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
         so_far.tell("sigma_of_few", sigma_of_few(problem))
