@@ -156,7 +156,8 @@ def misfit_facts(
     _of_constants(so_far, problem, found, brief)
     if not brief:
         so_far.tell("left_out_readings", left_out_readings(problem, found))
-        if not so_far.tell("duplicates", duplicates(problem, found)):
+        # errors of the angles, by which impacts are paired, would be alike where these are
+        if not so_far.tell("duplicates", duplicates(problem, found)) and not so_far.fails("angle_scatter"):
             so_far.tell("second_readings", second_readings(problem, found, residuals))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))

@@ -11,8 +11,8 @@ import numpy as np
 from scipy import special
 
 from ifrfit.data.observations import word_of
-from ifrfit.inference.diagnostics.independence import lengthened
-from ifrfit.inference.diagnostics.quadratic_forms import natural_spline, orthonormal
+from ifrfit.inference.diagnostics.independence import lengthened, neighbours_alike
+from ifrfit.inference.diagnostics.quadratic_forms import natural_spline, orthonormal, smooth_departure
 from ifrfit.inference.diagnostics.residuals import Residuals, exclude_name
 from ifrfit.inference.diagnostics.thresholds import BESIDE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -26,6 +26,7 @@ _MOST = 2_000  # rows of an observable in a series, beyond which distances of al
 _MOST_PAIRS = 200  # of series that are compared
 _UNITS = (1.0, 0.02, 0.02, 0.02)  # degrees, shares of the speed, spins R omega/u: what a reading may be off
 _FAR = 3.0  # of these units, beyond which two impacts are not one
+_MOST_ALIKE = 0.9  # share of the places of two tables within that, from which these tell the pairs
 _PLACE = 1e-6  # of a unit, that places among impacts of one setting differ by
 _REPEATED = 4  # pairs an angle from which their means stand for the law
 _FEWEST_REPEATS = 10  # degrees of freedom of those
@@ -103,10 +104,10 @@ def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
     found = []
     for one, other in compared:
         every = [
-            [alike for pairs in way if (alike := _alike(problem, jacobian, residuals.standardised, pairs))]
-            for way in _ways(problem, readings[one], readings[other])
+            _alike(problem, jacobian, residuals.standardised, pairs)
+            for pairs in _pairs(problem, readings[one], readings[other])
         ]
-        tests = [(p, alike) for way in every if way for p, alike in _tests(way)]
+        tests = list(_tests([alike for alike in every if alike is not None]))
         if tests:
             p, alike = min(tests, key=lambda test: test[0])
             found.append(_Found(one, other, len(compared) * len(tests) * p, alike))
@@ -125,31 +126,25 @@ def _readings(problem: Problem) -> list[Index]:
     return [np.array(rows, dtype=np.intp) for rows in numbers.values()]
 
 
-def _ways(problem: Problem, one: Index, other: Index) -> Iterator[list[_Pairs]]:
-    """Pairs of each observable, by the nearest incidence, and by the place in the table where that differs."""
-    nearest: list[_Pairs] = []
-    by_place: list[_Pairs] = []
-    for number, observable in enumerate(problem.rows.observables):
+def _pairs(problem: Problem, one: Index, other: Index) -> Iterator[_Pairs]:
+    """Pairs of each observable that two series have."""
+    for number in range(len(problem.rows.names)):
         first, second = (own[problem.rows.which[own] == number] for own in (one, other))
         if min(first.size, second.size) < _FEWEST or max(first.size, second.size) > _MOST:
             continue
         at = _incidence(problem, first, second)
-        values = problem.rows.value[first], problem.rows.value[second]
+        by_place = first.size == second.size and _go_along(at)
         # values that were sorted at one setting go together by their ranks alone
-        if not any(_is_sorted(value, each, _PLACE) for value, each in zip(values, at, strict=True)):
+        within = _FAR if by_place else _PLACE
+        values = problem.rows.value[first], problem.rows.value[second]
+        if any(_is_sorted(value, each, within) for value, each in zip(values, at, strict=True)):
+            by_place, within = False, _PLACE
+            if any(_is_sorted(value, each, within) for value, each in zip(values, at, strict=True)):
+                continue
+        if not by_place:
             i, j = _nearest(at)
-            nearest.append(_in_order(problem, number, first[i], second[j]))
-        same_length = first.size == second.size and bool((np.abs(at[0] - at[1]) <= _FAR).all())
-        if same_length and not any(_is_sorted(value, each, _FAR) for value, each in zip(values, at, strict=True)):
-            by_place.append(_in_order(problem, number, first, second))
-    yield nearest
-    if by_place and not all(any(_are_same(one, other) for other in nearest) for one in by_place):
-        yield by_place
-
-
-def _are_same(one: _Pairs, other: _Pairs) -> bool:
-    """Whether two ways to pair rows agree."""
-    return np.array_equal(one.first, other.first) and np.array_equal(one.second, other.second)
+            first, second = first[i], second[j]
+        yield _in_order(problem, number, first, second)
 
 
 def _incidence(problem: Problem, first: Index, second: Index) -> tuple[Array, Array]:
@@ -159,6 +154,11 @@ def _incidence(problem: Problem, first: Index, second: Index) -> tuple[Array, Ar
     log_speed = np.log(np.maximum(speed, 1e-300)) if known else np.zeros(len(rows))
     columns = np.column_stack((rows.gamma_deg, log_speed, rows.incidence.spin_x, rows.incidence.spin_y))
     return columns[first] / _UNITS, columns[second] / _UNITS
+
+
+def _go_along(at: tuple[Array, Array]) -> bool:
+    """Whether impacts in the same places of two tables have nearly the same incidence, but for a few."""
+    return float((np.abs(at[0] - at[1]) <= _FAR).all(axis=1).mean()) >= _MOST_ALIKE
 
 
 def _is_sorted(value: Array, at: Array, within: float) -> bool:
@@ -218,6 +218,10 @@ def _alike(problem: Problem, jacobian: Array, z: Array, pairs: _Pairs) -> _Alike
     p, correlation = _p_of(u, w, n - basis.shape[1] - 1)
     if p >= BESIDE:
         return _Alike(pairs, p, correlation)
+    if means is None and _law_fails(
+        jacobian[first] + jacobian[second], smooth, z[first] + z[second], pairs.along
+    ):
+        return None
     # without the pair that speaks most: a row of its own takes it up
     most = int(np.argmax(u * w / np.maximum(free, 0.1)))
     alone = np.zeros((n, 1))
@@ -226,6 +230,19 @@ def _alike(problem: Problem, jacobian: Array, z: Array, pairs: _Pairs) -> _Alike
     u, w = (x - basis @ (basis.T @ x) for x in (u, w))
     without, _ = _p_of(u, w, n - basis.shape[1] - 1)
     return _Alike(pairs, p if without < BESIDE else max(p, without), correlation)
+
+
+def _law_fails(jacobian: Array, smooth: Array, mean: Array, along: Array) -> bool:
+    """Whether means of pairs, which are independent errors in second readings too, depart from the law.
+
+    By a smooth curve, or by neighbours that are alike beside one.
+    """
+    departure = smooth_departure([np.arange(mean.size)], along, jacobian, mean)
+    basis = orthonormal(np.column_stack((jacobian, smooth)))
+    left = mean - basis @ (basis.T @ mean)
+    places = np.arange(mean.size)
+    alike, _ = neighbours_alike(places[:-1], places[1:], basis, left)
+    return alike < BESIDE or (departure is not None and departure.p < BESIDE)
 
 
 def _p_of(u: Array, w: Array, dof: int) -> tuple[float, float]:
