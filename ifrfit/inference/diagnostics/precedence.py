@@ -198,9 +198,10 @@ def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
     if decisive and slips is not None:
         first = slips.figures["tests"].get(slips.figures["called"][0], {})
         decisive = first.get("drop", 0.0) > _DECISIVE
-    copied = "duplicates" in facts and not facts["duplicates"].ok
+    copied, again = (name in facts and not facts[name].ok for name in ("duplicates", "second_readings"))
     for holds, names, words in (
         (copied, _OF_COPIES, "may follow from the rows that count twice: leave these out first"),
+        (again, _OF_COPIES, "may follow from impacts that were read twice: give one reading of each first"),
         (decisive, _OF_SLIPS, "may follow from the slip: mend it first"),
     ):
         for name in names if holds else ():

@@ -39,7 +39,7 @@ _MOST_NAMED = 3  # pairs
 
 
 @dataclass(frozen=True)
-class _Pairs:
+class Pairs:
     """Rows of one observable in two series that may be of the same impacts, in the order of the angle.
 
     Attributes
@@ -57,10 +57,10 @@ class _Pairs:
 
 
 @dataclass(frozen=True)
-class _Alike:
+class Alike:
     """What the residuals of pairs say: one-sided p and correlation, and p without the pair that speaks most."""
 
-    pairs: _Pairs
+    pairs: Pairs
     p: float
     correlation: float
 
@@ -72,7 +72,7 @@ class _Found:
     one: int
     other: int
     p: float
-    alike: tuple[_Alike, ...]
+    alike: tuple[Alike, ...]
 
 
 def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
@@ -104,7 +104,7 @@ def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
     found = []
     for one, other in compared:
         every = [
-            _alike(problem, jacobian, residuals.standardised, pairs)
+            errors_alike(problem.rows.setting, jacobian, residuals.standardised, pairs)
             for pairs in _pairs(problem, readings[one], readings[other])
         ]
         tests = list(_tests([alike for alike in every if alike is not None]))
@@ -126,7 +126,7 @@ def _readings(problem: Problem) -> list[Index]:
     return [np.array(rows, dtype=np.intp) for rows in numbers.values()]
 
 
-def _pairs(problem: Problem, one: Index, other: Index) -> Iterator[_Pairs]:
+def _pairs(problem: Problem, one: Index, other: Index) -> Iterator[Pairs]:
     """Pairs of each observable that two series have."""
     for number in range(len(problem.rows.names)):
         first, second = (own[problem.rows.which[own] == number] for own in (one, other))
@@ -190,19 +190,30 @@ def _place(at: Array) -> Array:
     return place
 
 
-def _in_order(problem: Problem, number: int, first: Index, second: Index) -> _Pairs:
+def _in_order(problem: Problem, number: int, first: Index, second: Index) -> Pairs:
     observable = problem.rows.observables[number]
     along = problem.rows.tau if observable.kind in OBLIQUE else problem.rows.gamma_deg
     order = np.argsort(along[first], kind="stable")
-    return _Pairs(observable.name, first[order], second[order], along[first[order]])
+    return Pairs(observable.name, first[order], second[order], along[first[order]])
 
 
-def _alike(problem: Problem, jacobian: Array, z: Array, pairs: _Pairs) -> _Alike | None:
-    """Test the residuals of pairs; None where too few are left."""
+def errors_alike(setting: Index, jacobian: Array, z: Array, pairs: Pairs) -> Alike | None:
+    """Test the residuals of pairs for going together; None where they are too few, or the law fails for both.
+
+    Parameters
+    ----------
+    setting : ndarray of int
+        Of each row: rows of one number have the same incidence.
+    jacobian : ndarray, (n, k)
+        Of the values over sigma, by the free constants.
+    z : ndarray, (n,)
+        Residuals over sigma.
+    pairs : Pairs
+    """
     first, second, n = pairs.first, pairs.second, pairs.first.size
     if n < _FEWEST:
         return None
-    means = _means(problem, pairs)
+    means = _means(setting, pairs)
     smooth = means
     if smooth is None:
         spline = natural_spline(pairs.along) if np.isfinite(pairs.along).all() else None
@@ -217,7 +228,7 @@ def _alike(problem: Problem, jacobian: Array, z: Array, pairs: _Pairs) -> _Alike
     free = 1.0 - (basis**2).sum(axis=1)
     p, correlation = _p_of(u, w, n - basis.shape[1] - 1)
     if p >= BESIDE:
-        return _Alike(pairs, p, correlation)
+        return Alike(pairs, p, correlation)
     if means is None and _law_fails(
         jacobian[first] + jacobian[second], smooth, z[first] + z[second], pairs.along
     ):
@@ -229,7 +240,7 @@ def _alike(problem: Problem, jacobian: Array, z: Array, pairs: _Pairs) -> _Alike
     basis = orthonormal(np.column_stack((basis, alone)))
     u, w = (x - basis @ (basis.T @ x) for x in (u, w))
     without, _ = _p_of(u, w, n - basis.shape[1] - 1)
-    return _Alike(pairs, p if without < BESIDE else max(p, without), correlation)
+    return Alike(pairs, p if without < BESIDE else max(p, without), correlation)
 
 
 def _law_fails(jacobian: Array, smooth: Array, mean: Array, along: Array) -> bool:
@@ -255,13 +266,13 @@ def _p_of(u: Array, w: Array, dof: int) -> tuple[float, float]:
     return float(special.stdtr(dof, -t)), r
 
 
-def _means(problem: Problem, pairs: _Pairs) -> Array | None:
+def _means(setting: Index, pairs: Pairs) -> Array | None:
     """Which setting each pair is of, (n, m), where most are repeated often enough to tell errors from the law."""
-    setting = np.unique(problem.rows.setting[pairs.first], return_inverse=True)[1]
-    count, n = int(setting.max()) + 1, setting.size
+    number = np.unique(setting[pairs.first], return_inverse=True)[1]
+    count, n = int(number.max()) + 1, number.size
     if n < _REPEATED * count or n - count < _FEWEST_REPEATS:
         return None
-    return np.asarray(setting[:, None] == np.arange(count), dtype=float)
+    return np.asarray(number[:, None] == np.arange(count), dtype=float)
 
 
 def _mean_of_neighbours(z: Array) -> Array:
@@ -274,7 +285,7 @@ def _mean_of_neighbours(z: Array) -> Array:
     return total / count
 
 
-def _tests(way: Sequence[_Alike]) -> Iterator[tuple[float, tuple[_Alike, ...]]]:
+def _tests(way: Sequence[Alike]) -> Iterator[tuple[float, tuple[Alike, ...]]]:
     """p of each observable, and of several together, with what it is of."""
     for one in way:
         yield one.p, (one,)
@@ -330,4 +341,4 @@ def _remedy(problem: Problem, readings: Sequence[Index], found: _Found) -> str:
     kept = [number for place, number in enumerate(numbers) if place != found.other]
     if numbers[found.other] in kept:
         return f"leave {problem.observations.table['source'].iat[int(readings[found.other][0])]} out"
-    return "--series " + " ".join(problem.series[number] for number in dict.fromkeys(kept))
+    return " ".join(f"--series {problem.series[number]}" for number in dict.fromkeys(kept))
