@@ -58,7 +58,7 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Alike:
-    """What the residuals of pairs say: one-sided p and correlation, and p without the pair that speaks most."""
+    """What the residuals of pairs say: one-sided p, also without one pair, and correlation."""
 
     pairs: Pairs
     p: float
@@ -148,7 +148,7 @@ def _pairs(problem: Problem, one: Index, other: Index) -> Iterator[Pairs]:
 
 
 def _incidence(problem: Problem, first: Index, second: Index) -> tuple[Array, Array]:
-    """Angle, logarithm of the speed and spins of rows of two series in units of what readings are off, (n, 4)."""
+    """Angle, log speed and spins of rows of two series, (n, 4) each, in units of what readings are off."""
     rows, speed = problem.rows, problem.speeds
     known = bool(np.isfinite(speed[first]).all() and np.isfinite(speed[second]).all())
     log_speed = np.log(np.maximum(speed, 1e-300)) if known else np.zeros(len(rows))
@@ -267,7 +267,7 @@ def _p_of(u: Array, w: Array, dof: int) -> tuple[float, float]:
 
 
 def _means(setting: Index, pairs: Pairs) -> Array | None:
-    """Which setting each pair is of, (n, m), where most are repeated often enough to tell errors from the law."""
+    """Which setting each pair is of, (n, m), where most are repeated often enough to tell errors of them."""
     number = np.unique(setting[pairs.first], return_inverse=True)[1]
     count, n = int(number.max()) + 1, number.size
     if n < _REPEATED * count or n - count < _FEWEST_REPEATS:
@@ -305,6 +305,7 @@ def _fact(problem: Problem, fit: LeastSquaresFit, readings: Sequence[Index], fou
     pairs = telling[0].pairs
     some = [f"{exclude_name(problem, int(i))} and {exclude_name(problem, int(j))}"
             for i, j in zip(pairs.first[:_MOST_NAMED], pairs.second[:_MOST_NAMED], strict=True)]  # fmt: skip
+    keep = _remedy(problem, readings, found)
     more = " and so on" if pairs.first.size > _MOST_NAMED else ""
     size = joined([f"{r:.2g} in {name}" for name, r in correlations.items()])
     says = (
@@ -312,9 +313,9 @@ def _fact(problem: Problem, fit: LeastSquaresFit, readings: Sequence[Index], fou
         f"the same incidence go together (correlation {size}, p = {p_text(found.p)}; "
         f"{word_of(problem.observations.sources)}s {'; '.join(some)}{more}), while independent impacts share "
         f"none. Both count in full, and intervals are too short by a factor of some {factor:.2g} "
-        f"({constant}): give the mean of the two readings, or keep one ({_remedy(problem, readings, found)}), "
-        "or state what they share (covariance= in Python). If they are impacts of their own, they share an error of "
-        "each setting, as of the angle that was set"
+        f"({constant}): give the mean of the two readings, or keep one ({keep}), "
+        "or state what they share (covariance= in Python). If they are impacts of their own, they share an "
+        "error of each setting, as of the angle that was set"
     )
     figures = {
         "p": found.p,
