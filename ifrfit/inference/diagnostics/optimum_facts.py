@@ -371,11 +371,11 @@ def _left_out(problem: Problem) -> str:
     if not telling:
         return ""
     one, several = telling[0], len(telling) > 1
-    both = " ".join(f"--observable {name}" for name in (*problem.rows.names, one))
+    together = " ".join(f"--observable {name}" for name in (*problem.rows.names, one))
     return (
         f". {joined(telling)} of the same impacts, left out so that none counts twice, "
         f"{'tell' if several else 'tells'} e_n, too: fit {'one of them' if several else 'it'} alone "
-        f"(--observable {one}), or with {joined(problem.rows.names)} ({both} --independent) "
+        f"(--observable {one}), or with {joined(problem.rows.names)} ({together} --independent) "
         "where their errors have nothing in common"
     )
 

@@ -47,6 +47,7 @@ _MISFIT = ("lack_of_fit", "repeats", "beyond_closure", "normal_restitution", "un
 _OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentum", "repeated_number")
 _OF_THE_TABLE = (*_OF_WRITING, "outliers")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
+_SHARED_IMPACTS = ("duplicates", "second_readings")  # by which an impact counts more than once
 _CAUSES = ("slips", "effects")
 _OF_COPIES = ("lack_of_fit", "predictive", "normal_restitution", "repeats", "independence", "effects")
 _OF_SLIPS = ("outliers", "scatter_too_small", "scatter_too_large")
@@ -171,12 +172,12 @@ def misfit_facts(
             so_far.causes = []
     # microslip is no remedy where something else is called for
     microslip = not so_far.causes or "compliance" in so_far.causes
-    remedy = not brief and microslip and not so_far.fails("normal_restitution", "duplicates")
+    remedy = not brief and microslip and not so_far.fails("normal_restitution", *_SHARED_IMPACTS)
     scatter = so_far.facts.get("repeats")
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
         # what the law misses it misses in every observable
-        if not so_far.fails(*_MISFIT, "duplicates", "slips"):
+        if not so_far.fails(*_MISFIT, *_SHARED_IMPACTS, "slips"):
             so_far.tell("duplicates", one_velocity(problem, found))
         so_far.tell("independence", _independence(so_far, problem, found, residuals))
     if not so_far.fails("repeated_number"):
@@ -311,7 +312,7 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
         _of_uneven_scatter(so_far, problem, found, residuals)
     by_scatter = so_far.most_explained("growing_scatter", "scatter_by_angle")
     # readings in few cells look like impacts of as many kinds
-    not_of_kinds = (*_MISFIT, *_OF_THE_TABLE, "duplicates", "angle_scatter")
+    not_of_kinds = (*_MISFIT, *_OF_THE_TABLE, *_SHARED_IMPACTS, "angle_scatter")
     if not (so_far.fails(*not_of_kinds) or is_coarse(problem, found)):
         kinds = mixture(problem, found)
         # what scatters more where a constant acts may be impacts of two kinds

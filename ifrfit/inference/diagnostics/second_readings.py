@@ -306,14 +306,14 @@ def _fact(problem: Problem, fit: LeastSquaresFit, readings: Sequence[Index], fou
     some = [f"{exclude_name(problem, int(i))} and {exclude_name(problem, int(j))}"
             for i, j in zip(pairs.first[:_MOST_NAMED], pairs.second[:_MOST_NAMED], strict=True)]  # fmt: skip
     keep = _remedy(problem, readings, found)
+    short = f", and intervals are too short by a factor of some {factor:.2g} ({constant})" if constant else ""
     more = " and so on" if pairs.first.size > _MOST_NAMED else ""
     size = joined([f"{r:.2g} in {name}" for name, r in correlations.items()])
     says = (
         f"{other} looks like a second reading of the impacts of {one}: errors of {pairs.first.size} pairs of "
         f"the same incidence go together (correlation {size}, p = {p_text(found.p)}; "
         f"{word_of(problem.observations.sources)}s {'; '.join(some)}{more}), while independent impacts share "
-        f"none. Both count in full, and intervals are too short by a factor of some {factor:.2g} "
-        f"({constant}): give the mean of the two readings, or keep one ({keep}), "
+        f"none. Both count in full{short}: give the mean of the two readings, or keep one ({keep}), "
         "or state what they share (covariance= in Python). If they are impacts of their own, they share an "
         "error of each setting, as of the angle that was set"
     )
