@@ -32,6 +32,7 @@ HEADLINES = {
     "censoring": "values look clipped",
     "truncation": "values look left out for their size",
     "repeated_number": "one number stands in the place of several readings",
+    "second_readings": "a series looks like a second reading of another",
     "duplicates": "impacts stand in the table twice",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -226,9 +226,30 @@ def _shifted(first: Index, second: Index, columns: Array) -> Array:
 
 
 def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: float) -> tuple[float, str]:
-    """Largest ratio of a constant's sd with neighbours correlated, lag by lag less so, to its sd without.
+    """`lengthened`, with neighbours correlated, lag by lag less so."""
+    series = problem.rows.series[order.rows]
+    alike = []
+    lag, weight = 1, correlation
+    while weight > _FORGOTTEN and lag < order.rows.size:
+        same = series[lag:] == series[:-lag]
+        alike.append((order.rows[:-lag][same], order.rows[lag:][same], weight))
+        lag, weight = lag + 1, weight * correlation
+    return lengthened(problem, fit, alike)
 
-    And that constant; 1 and nothing where all are fixed.
+
+def lengthened(
+    problem: Problem, fit: LeastSquaresFit, alike: Sequence[tuple[Index, Index, float]]
+) -> tuple[float, str]:
+    """Largest ratio of a constant's sd with errors of rows correlated to its sd without, and that constant.
+
+    1 and nothing where all are fixed.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    alike : sequence of (ndarray of int, (m,), ndarray of int, (m,), float)
+        Pairs of rows, and the correlation of their errors.
     """
     free = problem.parameters.free
     if not free.any():
@@ -237,14 +258,9 @@ def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: 
     information = columns.T @ columns
     covariance = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
     inner = information.copy()
-    series = problem.rows.series[order.rows]
-    lag, weight = 1, correlation
-    while weight > _FORGOTTEN and lag < order.rows.size:
-        same = series[lag:] == series[:-lag]
-        here, there = columns[order.rows[:-lag][same]], columns[order.rows[lag:][same]]
-        product = here.T @ there
-        inner += weight * (product + product.T)
-        lag, weight = lag + 1, weight * correlation
+    for here, there, correlation in alike:
+        product = columns[here].T @ columns[there]
+        inner += correlation * (product + product.T)
     before, after = np.diag(covariance), np.diag(covariance @ inner @ covariance)
     seen = before > 0.0
     ratio = np.sqrt(np.maximum(np.where(seen, after / np.where(seen, before, 1.0), 0.0), 0.0))

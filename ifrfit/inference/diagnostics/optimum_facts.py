@@ -19,6 +19,8 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof
 from ifrfit.inference.optimize.noise_modes import noise_at_mode
 from ifrfit.inference.optimize.tied_search import TIED
 from ifrfit.inference.result.types import Constants, Fact, by_entry
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import joined, plus_minus
 
 # of methods that failed, which say nothing of the data
@@ -334,7 +336,7 @@ def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int,
         says.append(
             f"{observed} alone determine{'s' if len(problem.rows.names) == 1 else ''} "
             f"{'' if own is None else own + ' and '}kappa = mu (1 + e_n), never e_n and mu apart: "
-            f"give e_n a value (--fix e_n=...) or measure it (a drop test){mu}"
+            f"give e_n a value (--fix e_n=...) or measure it (a drop test){mu}{_left_out(problem)}"
         )
     elif "e_n" in alone:
         says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
@@ -361,6 +363,27 @@ def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int,
     return "; ".join(says)
 
 
+def _left_out(problem: Problem) -> str:
+    """Observables that are left out, as they would count impacts twice, and that know e_n; empty without."""
+    left = problem.observations.redundant
+    names = [] if left is None else dict.fromkeys(left["observable"].to_numpy(dtype=object).tolist())
+    telling = [name for name in names if not _sees_only_kappa(OBSERVABLES[name])]
+    if not telling:
+        return ""
+    one, several = telling[0], len(telling) > 1
+    together = " ".join(f"--observable {name}" for name in (*problem.rows.names, one))
+    return (
+        f". {joined(telling)} of the same impacts, left out so that none counts twice, "
+        f"{'tell' if several else 'tells'} e_n, too: fit {'one of them' if several else 'it'} alone "
+        f"(--observable {one}), or with {joined(problem.rows.names)} ({together} --independent) "
+        "where their errors have nothing in common"
+    )
+
+
+def _sees_only_kappa(observable: Observable) -> bool:
+    return (observable.kind == "tangential" and observable.scale == "one") or observable.without_e_n
+
+
 def only_kappa_is_seen(problem: Problem) -> bool:
     """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu.
 
@@ -368,10 +391,7 @@ def only_kappa_is_seen(problem: Problem) -> bool:
     """
     if problem.parameters.ties.involved & {"e_n", "mu"}:
         return False
-    rows = all(
-        (each.kind == "tangential" and each.scale == "one") or each.without_e_n
-        for each in problem.rows.observables
-    )
+    rows = all(_sees_only_kappa(each) for each in problem.rows.observables)
     free = not any(c.is_informed for c in problem.parameters if c.name in ("e_n", "mu"))
     mu = problem.parameters["mu"]
     return rows and free and mu.lower == 0.0 and math.isinf(mu.upper)

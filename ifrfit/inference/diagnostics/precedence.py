@@ -28,6 +28,7 @@ from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_read
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
+from ifrfit.inference.diagnostics.second_readings import second_readings
 from ifrfit.inference.diagnostics.sigma_of_few import sigma_of_few
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
@@ -46,6 +47,7 @@ _MISFIT = ("lack_of_fit", "repeats", "beyond_closure", "normal_restitution", "un
 _OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentum", "repeated_number")
 _OF_THE_TABLE = (*_OF_WRITING, "outliers")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
+_SHARED_IMPACTS = ("duplicates", "second_readings")  # by which an impact counts more than once
 _CAUSES = ("slips", "effects")
 _OF_COPIES = ("lack_of_fit", "predictive", "normal_restitution", "repeats", "independence", "effects")
 _OF_SLIPS = ("outliers", "scatter_too_small", "scatter_too_large")
@@ -58,6 +60,7 @@ _ORDER = (
     "pooling",
     "prior_conflict",
     "duplicates",
+    "second_readings",
     "repeated_number",
     "angle_scatter",
     "unequal_noise",
@@ -154,7 +157,9 @@ def misfit_facts(
     _of_constants(so_far, problem, found, brief)
     if not brief:
         so_far.tell("left_out_readings", left_out_readings(problem, found))
-        so_far.tell("duplicates", duplicates(problem, found))
+        # errors of the angles, by which impacts are paired, would be alike where these are
+        if not so_far.tell("duplicates", duplicates(problem, found)) and not so_far.fails("angle_scatter"):
+            so_far.tell("second_readings", second_readings(problem, found, residuals))
         so_far.tell("repeated_number", repeated_number(problem, found))
         so_far.tell("unequal_noise", unequal_noise(problem, found))
         so_far.tell("sigma_of_few", sigma_of_few(problem))
@@ -167,12 +172,12 @@ def misfit_facts(
             so_far.causes = []
     # microslip is no remedy where something else is called for
     microslip = not so_far.causes or "compliance" in so_far.causes
-    remedy = not brief and microslip and not so_far.fails("normal_restitution", "duplicates")
+    remedy = not brief and microslip and not so_far.fails("normal_restitution", *_SHARED_IMPACTS)
     scatter = so_far.facts.get("repeats")
     so_far.tell("lack_of_fit", lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter))
     if not brief:
         # what the law misses it misses in every observable
-        if not so_far.fails(*_MISFIT, "duplicates", "slips"):
+        if not so_far.fails(*_MISFIT, *_SHARED_IMPACTS, "slips"):
             so_far.tell("duplicates", one_velocity(problem, found))
         so_far.tell("independence", _independence(so_far, problem, found, residuals))
     if not so_far.fails("repeated_number"):
@@ -194,9 +199,10 @@ def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
     if decisive and slips is not None:
         first = slips.figures["tests"].get(slips.figures["called"][0], {})
         decisive = first.get("drop", 0.0) > _DECISIVE
-    copied = "duplicates" in facts and not facts["duplicates"].ok
+    copied, again = (name in facts and not facts[name].ok for name in ("duplicates", "second_readings"))
     for holds, names, words in (
         (copied, _OF_COPIES, "may follow from the rows that count twice: leave these out first"),
+        (again, _OF_COPIES, "may follow from impacts that were read twice: give one reading of each first"),
         (decisive, _OF_SLIPS, "may follow from the slip: mend it first"),
     ):
         for name in names if holds else ():
@@ -306,7 +312,7 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
         _of_uneven_scatter(so_far, problem, found, residuals)
     by_scatter = so_far.most_explained("growing_scatter", "scatter_by_angle")
     # readings in few cells look like impacts of as many kinds
-    not_of_kinds = (*_MISFIT, *_OF_THE_TABLE, "duplicates", "angle_scatter")
+    not_of_kinds = (*_MISFIT, *_OF_THE_TABLE, *_SHARED_IMPACTS, "angle_scatter")
     if not (so_far.fails(*not_of_kinds) or is_coarse(problem, found)):
         kinds = mixture(problem, found)
         # what scatters more where a constant acts may be impacts of two kinds

@@ -113,7 +113,7 @@ def smooth_departure(
     columns = []
     for rows in groups:
         rows = rows[np.isfinite(tau[rows])]
-        basis = _natural_spline(tau[rows]) if rows.size >= _SMALLEST else None
+        basis = natural_spline(tau[rows]) if rows.size >= _SMALLEST else None
         if basis is not None:
             wide = np.zeros((r.size, basis.shape[1]))
             wide[rows] = basis if scale is None else basis * scale[rows, None]
@@ -133,8 +133,10 @@ def smooth_departure(
     return SmoothDeparture(float(special.fdtrc(extra.shape[1], dof, f)), rest, dof)
 
 
-def _natural_spline(tau: Array) -> Array | None:
+def natural_spline(tau: Array) -> Array | None:
     """Basis of the natural cubic splines in tau, knots at quantiles, that vanish at the first knot, (n, 3).
+
+    None where tau has too few different quantiles.
 
     By truncated powers (Hastie, Tibshirani & Friedman 2009, eqs 5.4 and 5.5): scipy.interpolate would take
     longer to import than the whole fit.

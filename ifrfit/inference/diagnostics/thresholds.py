@@ -28,6 +28,7 @@ TINY_FRICTION = 0.005  # mu of no dry contact
 ROUGH_SIGMA = 0.4  # scatter of logarithms of sigmas, as of five readings each
 FEWEST_BENDS = 6  # of sigmas, from which that is looked at
 FEWEST_ALIKE = 5
+BESIDE = 0.01  # p of a finding without the row or pair that speaks most
 BY_CHANCE = 0.001
 BY_RANK = 0.2
 
@@ -166,6 +167,10 @@ FACTS = {
     "slip is found, changes of the residuals, in one unit, of two observables of one velocity from one angle "
     f"to the next correlate by more than 0.95, or of v_x and the spin by more than 0.999 (p < {REFUTED:g}, "
     "times twice the number of pairs)",
+    "second_readings": "stands only where it fails: residuals of two series or files, paired by incidence, "
+    f"go together (p < {REFUTED:g}, times the number of tests, of Student's t for each observable and of "
+    "their normal scores together) beside the constants of each, a natural spline in tau and the mean of "
+    f"four neighbours, or the mean of each angle; without the pair that speaks most p < {BESIDE:g}",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
     f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
     f"that value is {TOO_NARROW:g} times that by the scatter",

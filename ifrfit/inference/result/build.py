@@ -364,6 +364,7 @@ def _facts(
         "left_out_readings",
         "unrelated_readings",
         "duplicates",
+        "second_readings",
         "repeated_number",
         "censoring",
         "slips",
