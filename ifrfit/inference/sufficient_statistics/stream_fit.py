@@ -313,9 +313,7 @@ def _estimated(
         effect = 1.0 if copied.value is None else copied.value.effect
         means = lack_of_fit_of_means(problem, optimum, kinds, rounding, effect)
         rows = looked_at()
-        return facts_of_all(
-            problem, optimum, result, statistics, estimation, rows, means, copied.value, seed
-        )
+        return facts_of_all(problem, optimum, result, statistics, estimation, rows, means, copied.value, seed)
 
     def shown_of_sample() -> pd.DataFrame:
         drawn = sample.value
@@ -326,9 +324,7 @@ def _estimated(
     points = Postponed(shown_of_sample)
 
     def warnings() -> tuple[str, ...]:
-        of_sample = _of_sample(
-            sample.value, looked_at(), len(points.value), source, has_spin=stream.has_spin
-        )
+        of_sample = _of_sample(sample.value, looked_at(), len(points.value), source, has_spin=stream.has_spin)
         left_out = warnings_of(of, source)
         return *result.warnings, *left_out, *_of_ids(of), *_of_condensing(solved), of_sample
 
