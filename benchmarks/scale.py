@@ -80,7 +80,7 @@ def summed(count):
         state = incidence_of(gamma[rows], none[rows], spin[rows]) if METHOD else incidence_of(gamma[rows])
         place, x = intervals.places(state)
         offset, slope = OBSERVABLES["beta"].linear(state, 0.4)
-        sums.add(0, place, 1.0 / (sigma[rows] * sigma[rows]), slope, value[rows] - offset, x)
+        sums.add_values(0, place, sigma[rows], slope, value[rows], offset, x)
 summed(size)
 STARTED()
 summed(n)

@@ -246,7 +246,9 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
     import pandas as pd
 
     n = len(columns["value"])
+    index = pd.RangeIndex(n)
     full: dict[str, Any] = {}
+    repeated: dict[str, pd.Series] = {}  # each text made once: strings of a column are never written to
     for name in TABLE_COLUMNS:
         if name in columns:
             full[name] = columns[name]
@@ -258,14 +260,24 @@ def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
             full[name] = np.arange(1, n + 1)
         else:
             full[name] = "" if name in TEXT_COLUMNS else np.full(n, np.nan)
+        text = full[name]
+        if name in TEXT_COLUMNS and isinstance(text, str):
+            if text not in repeated:
+                repeated[text] = pd.Series(text, index=index, dtype="str")
+            full[name] = repeated[text]
     shared = common_columns_in(columns)
     full |= {name: np.nan_to_num(np.asarray(columns[name], dtype=float)) for name in shared}
-    table = pd.DataFrame(full, index=pd.RangeIndex(n))
-    for name in NUMBER_COLUMNS:
-        table[name] = table[name].astype(float)
-    for name in TEXT_COLUMNS:
-        table[name] = table[name].astype("str")
-    return table.astype({"n_repeats": np.int64, "row": np.int64})
+    table = pd.DataFrame(full, index=index)
+    wanted: dict[str, Any] = {
+        **dict.fromkeys(NUMBER_COLUMNS, np.dtype(float)),
+        **dict.fromkeys(TEXT_COLUMNS, pd.StringDtype(na_value=np.nan)),
+        **dict.fromkeys(("n_repeats", "row"), np.dtype(np.int64)),
+    }
+    there = table.dtypes
+    for name, kind in wanted.items():
+        if there[name] != kind:
+            table[name] = table[name].astype(kind)
+    return table
 
 
 def combine(parts: Sequence[Observations]) -> Observations:

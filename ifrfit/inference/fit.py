@@ -40,6 +40,7 @@ from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.build import build_result, summarize_optimum
+from ifrfit.inference.result.deferred import Postponed, replaced
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import get_closure
@@ -229,7 +230,8 @@ def _streamed(
     if scene is None:
         return found.result
     said = f"--scene {scene}: not looked at, because the criteria of effects take rows held in memory"
-    return replace(found.result, warnings=(*found.result.warnings, said))
+    warnings = Postponed(lambda: (*found.result.warnings, said))
+    return replaced(found.result, warnings=warnings)
 
 
 def stream_path(data: Data | Sequence[Data]) -> Path | None:

@@ -8,6 +8,7 @@ What numpy computes depends on the instructions that a machine has.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -35,9 +36,16 @@ def incidence_of(gamma_deg: Array, spin_x: Array | None = None, spin_y: Array | 
     sine, cosine = np.empty(gamma_deg.size), np.empty(gamma_deg.size)
     compiled(_sines_cosines)(read_only(gamma_deg), sine, cosine)
     if spin_x is None or spin_y is None:
-        none = np.zeros(gamma_deg.size)
+        none = _zeros(gamma_deg.size)
         return Incidence(sine, cosine, none, none, sine, none)
     return Incidence(sine, cosine, spin_x, spin_y, sine + spin_y, spin_x)
+
+
+@lru_cache(maxsize=4)
+def _zeros(n: int) -> Array:
+    found = np.zeros(n)
+    found.flags.writeable = False
+    return found
 
 
 def intervals_of(

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,7 +24,7 @@ from ifrfit.data.double_counting import measurements_of
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
-from ifrfit.data.stream.plain_rows import PlainRows, all_rows
+from ifrfit.data.stream.plain_rows import PlainRows, all_rows, same_in_all
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
 from ifrfit.data.stream.refusals import (
     refuse_other_columns,
@@ -94,6 +94,8 @@ class Batch:
         By observable.
     number, first : int
         Of the file, and of the row in it that is the first here.
+    ends : mapping of str to (float, float)
+        Least and largest number of columns without gaps, by key, as far as they are known.
     """
 
     incidence: Incidence
@@ -102,6 +104,7 @@ class Batch:
     values: Mapping[str, Values]
     number: int = 0
     first: int = 0
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,9 @@ class ImpactStream:
                     found, usable = seen or self._batch(batch, piece, seen_rows, tally, layout, out)
                     if self.has_sigma:
                         for name, values in found.values.items():
-                            tally.note_sigma(name, values.sigma, piece.path)
+                            known = found.ends.get(f"sigma:{name}")
+                            least = values.sigma if known is None else np.array(known[:1])
+                            tally.note_sigma(name, least, piece.path)
                     if sample is not None:
                         sample.draw(batch, layout, piece.number, first, usable)
                     yield replace(found, number=piece.number, first=first)
@@ -259,34 +264,39 @@ class ImpactStream:
         self, batch: pa.RecordBatch, layout: Layout, plain: PlainRows | None, tally: Tally
     ) -> tuple[Batch, Mask] | None:
         """As `_batch`, where every row is good and every series is wanted; else None, and nothing counted."""
-        read = None if plain is None or self.selection.series else plain.read(batch)
-        if plain is None or read is None:
+        columns = None if plain is None or self.selection.series else plain.read(batch)
+        if plain is None or columns is None:
             return None
-        columns, sizes = read
-        gamma, n = columns["gamma"], batch.num_rows
-        spins = [columns.get(name) for name in ("spin_x", "spin_y")]
+        gamma, n = columns["gamma"].values, batch.num_rows
+        spins = [columns[name].values if name in columns else None for name in ("spin_x", "spin_y")]
         if any(spin is not None for spin in spins):
-            spins = [np.zeros(n) if spin is None else spin for spin in spins]
+            spins = [same_in_all(0.0, n) if spin is None else spin for spin in spins]
         incidence = incidence_of(gamma, *spins)
         if not plain.moves(incidence):
             return None
         values = {}
+        ends = {"gamma": columns["gamma"].ends}
         taken: dict[str, Mask] = {}
         for name, key in plain.observables:
-            value, at = columns[name], all_rows(n)
-            sigma = np.full(n, np.nan) if key is None else columns[key]
-            is_gap = value.size and math.isnan(value.sum())
-            if is_gap:
+            column, at = columns[name], all_rows(n)
+            value = column.values
+            sigma = same_in_all(math.nan, n) if key is None else columns[key].values
+            if column.has_gaps:
                 at = np.flatnonzero(~np.isnan(value))
             tally.skipped["not measured"] += n - at.size
             if self.beside:
                 at = np.flatnonzero(self._not_taken(name, ~np.isnan(value), taken, tally))
             if at.size < n:
                 value, sigma = value[at], sigma[at]
+            else:
+                ends[name] = column.ends
+                if key is not None:
+                    ends[f"sigma:{name}"] = columns[key].ends
             values[name] = Values(at, value, sigma)
-        for key, size in sizes.items():
-            tally.note_largest(layout.header(key), size)
-        return Batch(incidence, gamma, self._series_of(batch, layout, tally), values), np.ones(n, dtype=bool)
+        for key, column in columns.items():
+            tally.note_largest(layout.header(key), column.size)
+        made = Batch(incidence, gamma, self._series_of(batch, layout, tally), values, ends=ends)
+        return made, _all_usable(n)
 
     def _batch(
         self,
@@ -498,7 +508,7 @@ class ImpactStream:
         self._note_provenance(batch, layout, tally)
         refuse_summaries(batch, layout)
         if not layout.has("series"):
-            return np.full(batch.num_rows, tally.numbers_of([self.path.stem])[0], dtype=np.intp)
+            return same_in_all(tally.numbers_of([self.path.stem])[0].item(), batch.num_rows, whole=True)
         encoded = labels_of(batch, layout, "series").dictionary_encode()
         names = [text.strip() for text in encoded.dictionary.to_pylist()]
         numbers = tally.numbers_of([name or self.path.stem for name in names])
@@ -514,6 +524,13 @@ class ImpactStream:
             if name is None:
                 raise DataError(f"{layout.cells.file}: '{text:.40}' is no provenance.")
             tally.provenances[name or said] = None
+
+
+@lru_cache(maxsize=4)
+def _all_usable(n: int) -> Mask:
+    found = np.ones(n, dtype=bool)
+    found.flags.writeable = False
+    return found
 
 
 def _of_different_impacts(names: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:

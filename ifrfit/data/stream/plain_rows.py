@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.column_layout import Column, Layout
+from ifrfit.data.column_layout import Column as LayoutColumn
+from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import UNITS
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.physics.angles import Incidence
@@ -34,6 +35,26 @@ _SHORT = (9.0, 10.0)  # between these lie the short ones
 _SIZE = 0x7FFFFFFFFFFFFFFF  # the bits of a double but for its sign
 _NEAR = 1e-9  # degrees from 0 and 90: nearer an observable may have no value
 _MOVES = 4e-12  # of the contact point, over 1 + |spin|: twice that and more of what counts as no motion
+
+
+class Column(NamedTuple):
+    """A column of numbers as it stands in a batch.
+
+    Attributes
+    ----------
+    values : ndarray, (n,)
+    has_gaps : bool
+        Whether a value is missing, as nan.
+    size : float
+        Largest size; negative without a value.
+    ends : (float, float)
+        Least and largest value; nothing to go by where one is missing.
+    """
+
+    values: Array
+    has_gaps: bool
+    size: float
+    ends: Range
 
 
 @dataclass(frozen=True)
@@ -89,32 +110,33 @@ class PlainRows:
             return None
         return cls(found, tuple(pairs), "contact" in kinds)
 
-    def read(self, batch: pa.RecordBatch) -> tuple[dict[str, Array], dict[str, float]] | None:
-        """The columns and their largest sizes, if every row is good; a value may be missing, as nan."""
+    def read(self, batch: pa.RecordBatch) -> dict[str, Column] | None:
+        """The columns, if every row is good."""
         import pyarrow as pa
 
-        found, sizes = {}, {}
+        found = {}
         for key, (index, low, high) in self.columns.items():
             column = batch.column(index)
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 return None
             values = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             values = read_only(values)
-            odd, missing, nines, tens, most = compiled(_count)(values, values.view(np.int64), low, high)
+            odd, missing, nines, tens, *bits = compiled(_count)(values, values.view(np.int64), low, high)
             # larger values than short codes beside these show that they are values, too
             if odd or (nines and not tens) or (missing and key not in OBSERVABLES):
                 return None
-            found[key], sizes[key] = values, float(np.int64(most).view(np.float64))
+            size, least, most = np.array(bits, dtype=np.int64).view(np.float64).tolist()
             if missing:
-                sizes[key] = float(np.abs(values).max(where=~np.isnan(values), initial=-1.0))
-        return found, sizes
+                size = float(np.abs(values).max(where=~np.isnan(values), initial=-1.0))
+            found[key] = Column(values, bool(missing), size, (least, most))
+        return found
 
     def moves(self, incidence: Incidence) -> bool:
         """Whether every contact point moves, where that matters."""
-        if not self.may_rest or not (incidence.spin_x.any() or incidence.spin_y.any()):
-            return True
-        slip = np.abs(incidence.slip_x) + np.abs(incidence.slip_y)
-        return bool((slip > _MOVES * (1.0 + np.abs(incidence.spin_x) + np.abs(incidence.spin_y))).all())
+        i = incidence
+        return not self.may_rest or compiled(_all_move)(
+            *map(read_only, (i.slip_x, i.slip_y, i.spin_x, i.spin_y))
+        )
 
 
 @lru_cache(maxsize=4)
@@ -125,26 +147,50 @@ def all_rows(n: int) -> NDArray[np.intp]:
     return found
 
 
-def _stands_as_it_is(column: Column) -> bool:
+@lru_cache(maxsize=8)
+def same_in_all(value: float, n: int, *, whole: bool = False) -> NDArray[Any]:
+    """A number n times; `whole`: an integer."""
+    found = np.full(n, value, dtype=np.intp if whole else np.float64)
+    found.flags.writeable = False
+    return found
+
+
+def _stands_as_it_is(column: LayoutColumn) -> bool:
     """Whether a column is in the unit and sign of the schema."""
     if column.unit is None:
         return column.sign == 1.0 and column.dimension == "number"
     return column.sign == 1.0 and UNITS[column.unit][1] == 1.0
 
 
-def _count(values: Array, bits: NDArray[np.int64], low: float, high: float) -> tuple[int, int, int, int, int]:
+def _count(
+    values: Array, bits: NDArray[np.int64], low: float, high: float
+) -> tuple[int, int, int, int, int, int, int]:
     """How many values are odd, how many missing, how many as large as short codes, and how many larger.
 
-    And the largest size, as its bits: those of sizes stand in the order of these.
+    And the largest size, the least and the largest value, as their bits: those of sizes stand in the order
+    of these, and those of negative numbers in the opposite one.
     """
-    odd, missing, nines, tens, most = 0, 0, 0, 0, 0
+    odd, missing, nines, tens, size = 0, 0, 0, 0, 0
+    least, most = _SIZE, -_SIZE - 1
     for i in range(values.size):
-        size = abs(values[i])
+        of = bits[i] & _SIZE
         is_missing = values[i] != values[i]
-        good = values[i] >= low and values[i] <= high and (size >= TINY or size == 0.0)
+        good = values[i] >= low and values[i] <= high and (abs(values[i]) >= TINY or of == 0)
         missing += is_missing
         odd += not (good or is_missing)
-        nines += size >= _SHORT[0]
-        tens += size > _SHORT[1]
-        most = max(most, bits[i] & _SIZE)
-    return odd, missing, nines, tens, most
+        nines += abs(values[i]) >= _SHORT[0]
+        tens += abs(values[i]) > _SHORT[1]
+        size = max(size, of)
+        ordered = bits[i] ^ ((bits[i] >> 63) & _SIZE)
+        least, most = min(least, ordered), max(most, ordered)
+    return odd, missing, nines, tens, size, least ^ ((least >> 63) & _SIZE), most ^ ((most >> 63) & _SIZE)
+
+
+def _all_move(slip_x: Array, slip_y: Array, spin_x: Array, spin_y: Array) -> bool:
+    """Whether every contact point moves; without any spin at angles beyond `_NEAR` it does."""
+    resting, spinning = 0, 0
+    for i in range(slip_x.size):
+        spin = abs(spin_x[i]) + abs(spin_y[i])
+        resting += not (abs(slip_x[i]) + abs(slip_y[i]) > _MOVES * (1.0 + spin))
+        spinning += spin > 0.0
+    return resting == 0 or spinning == 0

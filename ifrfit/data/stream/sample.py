@@ -36,10 +36,13 @@ class Sample:
         Rows with greater lots need not be looked at: there are enough of others.
     drawn : list
         Lots and rows, batch by batch.
+    most : int
+        Lots from here on are those of none of the sample, as what was drawn shows.
     """
 
     below: int
     drawn: list[tuple[NDArray[np.uint64], Any]] = field(default_factory=list)
+    most: int = 2**64
 
     @staticmethod
     def below_of(rows: int) -> int:
@@ -50,7 +53,7 @@ class Sample:
         self, batch: pa.RecordBatch, layout: Layout, number: int, first: int, usable: NDArray[np.bool_]
     ) -> None:
         """Draw from some rows of file `number`, from `first` on."""
-        lots, at = _lots(number, first, usable, self.below - 1)
+        lots, at = _lots(number, first, usable, min(self.below, self.most) - 1)
         if at.size:
             self.drawn.append((lots.copy(), rows_like_others(batch, layout, at)))
         self._tidy()
@@ -66,6 +69,8 @@ class Sample:
             return
         lots, rows = self._joined()
         best = np.sort(np.argpartition(lots, SAMPLE)[:SAMPLE]) if lots.size > SAMPLE else np.arange(lots.size)
+        if lots.size > SAMPLE:
+            self.most = int(lots[best].max())
         self.drawn = [(lots[best], rows.take(best).combine_chunks().to_batches()[0])]
 
     def _joined(self) -> tuple[NDArray[np.uint64], pa.Table]:

@@ -107,15 +107,15 @@ def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]
     import pyarrow as pa
 
     used = {column.index: column for column in layout.columns.values()}
-    found = []
+    found, rows = [], pa.array(at)
     for index, column in enumerate(batch.columns):
         if index not in used:
             found.append(pa.nulls(at.size))
         elif used[index].dimension == "text":
             text = column.cast(pa.string()) if pa.types.is_string_view(column.type) else column
-            found.append(texts_of(text.take(pa.array(at)), Path(layout.cells.file), used[index].header))
+            found.append(texts_of(text.take(rows), Path(layout.cells.file), used[index].header))
         else:
-            found.append(column.take(pa.array(at)).cast(pa.float64(), safe=False))
+            found.append(column.take(rows).cast(pa.float64(), safe=False))
     return pa.RecordBatch.from_arrays(found, names=batch.schema.names)
 
 

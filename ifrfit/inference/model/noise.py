@@ -26,6 +26,7 @@ _FINE, _FEWEST_READINGS = (
     1e-3,
     5,
 )  # last decimal and number of readings with which a largest of 1 is no chance
+_FEW = 256  # values that are looked at before all are
 _DECIMALS = 6  # finest resolution taken for a value that is written with more
 
 
@@ -230,8 +231,10 @@ def _by_observable(measured: Mapping[str, Index]) -> Mapping[str, Index]:
 
 def in_steps(value: Array, step: float) -> bool:
     """Whether every value is a multiple of a decimal."""
-    number = value / step
-    return bool((np.abs(number - np.round(number)) < 1e-7).all())
+    # few tell mostly that not all are
+    some = (value[:_FEW], value) if value.size > _FEW else (value,)
+    numbers = (each / step for each in some)
+    return all(bool((np.abs(number - np.round(number)) < 1e-7).all()) for number in numbers)
 
 
 def resolution(value: Array) -> float:

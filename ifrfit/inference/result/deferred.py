@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
@@ -102,3 +103,9 @@ class PostponedField:
 
     def __set__(self, instance: Any, value: Any) -> None:
         instance.__dict__[self._name] = value
+
+
+def replaced(of: Value, **changes: Any) -> Value:
+    """As `dataclasses.replace`, without asking for what is postponed."""
+    kept = {each.name: of.__dict__[each.name] for each in fields(of) if each.init}  # type: ignore[arg-type]
+    return type(of)(**kept | changes)

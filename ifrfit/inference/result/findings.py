@@ -45,8 +45,8 @@ else:
 class Findings:
     """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
 
-    `constants`, `derived`, `assumed`, `state` and `points` may be given as `Postponed`, and are worked out
-    when they are first read.
+    `constants`, `derived`, `assumed`, `warnings`, `state` and `points` may be given as `Postponed`, and are
+    worked out when they are first read.
 
     Attributes
     ----------
@@ -181,6 +181,7 @@ for _name in (
     "constants",
     "derived",
     "assumed",
+    "warnings",
     "state",
     "points",
 ):  # after the decorator, which would take them for defaults

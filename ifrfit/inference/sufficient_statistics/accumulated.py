@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ifrfit.data.observations import Source
 from ifrfit.data.stream.copied_rows import CopiedRows
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
+from ifrfit.data.stream.plain_rows import same_in_all
 from ifrfit.data.stream.row_places import place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.tally import Tally
@@ -128,8 +129,7 @@ class Accumulated:
             values = batch.values[name]
             for series, own in _by_series(batch.series, values, len(self.tally.series)):
                 group = series * len(names) + number
-                whole = own.at.size == batch.gamma_deg.size
-                self._note(group, own, batch.gamma_deg if whole else batch.gamma_deg[own.at])
+                self._note(group, name, own, batch)
                 self._add_rows(group, name, batch, own, place, x)
             if OBSERVABLES[name].linear is not None:
                 self.window.add(name, batch, values, place)
@@ -144,15 +144,18 @@ class Accumulated:
         incidence = batch.incidence
         if at.size < batch.gamma_deg.size:
             incidence, place, x = incidence.take(at), place[at], x[at]
-        w = 1.0 / (sigma * sigma) if self.weighted else np.ones(at.size)
+        if not self.weighted:
+            sigma = same_in_all(1.0, at.size)
         observable = OBSERVABLES[name]
         if observable.linear is None:
-            slope = np.ones(at.size) if observable.by_e_n is None else observable.by_e_n(incidence)
-            self.moments.add_direct(group, w, np.asarray(slope), value)
+            slope = same_in_all(1.0, at.size)
+            if observable.by_e_n is not None:
+                slope = np.asarray(observable.by_e_n(incidence))
+            self.moments.add_direct(group, sigma, slope, value)
         else:
             # where nothing slips the slope is zero, or the observable has no value
             offset, slope = observable.linear(incidence, self.stream.inertia_factor)
-            self.moments.add(group, place, w, slope, value - offset, x)
+            self.moments.add_values(group, place, sigma, slope, value, offset, x)
 
     def parted(self, requested: Mask) -> Accumulated:
         """The same impacts, with intervals parted as far as the rows in them are kept.
@@ -220,21 +223,28 @@ class Accumulated:
         self.moments = fresh
         self.groups += [GroupNotes() for _ in range(groups - len(self.groups))]
 
-    def _note(self, group: int, values: Values, gamma: Array) -> None:
-        known, (_, value, sigma) = self.groups[group], values
-        known.least_gamma = min(known.least_gamma, float(gamma.min()))
-        known.largest_gamma = max(known.largest_gamma, float(gamma.max()))
-        known.largest_value = max(known.largest_value, float(value.max()), -float(value.min()))
+    def _note(self, group: int, name: str, values: Values, batch: Batch) -> None:
+        known, (at, value, sigma) = self.groups[group], values
+        whole = at.size == batch.gamma_deg.size
+        gamma = batch.gamma_deg if whole else batch.gamma_deg[at]
+        ends = batch.ends if whole else {}
+        least, largest = ends.get("gamma") or _ends(gamma)
+        known.least_gamma = min(known.least_gamma, least)
+        known.largest_gamma = max(known.largest_gamma, largest)
+        least, largest = ends.get(name) or _ends(value)
+        known.largest_value = max(known.largest_value, largest, -least)
         known.last_decimal = _last_decimal(known.last_decimal, value)
         known.last_decimal_of_gamma = _last_decimal(known.last_decimal_of_gamma, gamma)
         if self.weighted:
-            known.smallest_sigma = min(known.smallest_sigma, float(sigma.min()))
-            known.largest_sigma = max(known.largest_sigma, float(sigma.max()))
-            known.square_sigma = known.square_sigma.add_squares(sigma)
-            if sigma.size > 1 and float(sigma.min()) == float(sigma.max()):
-                known.log_sigma = known.log_sigma.merge(ExactSum.of_equal(math.log(sigma[0]), sigma.size))
+            least, largest = ends.get(f"sigma:{name}") or _ends(sigma)
+            known.smallest_sigma = min(known.smallest_sigma, least)
+            known.largest_sigma = max(known.largest_sigma, largest)
+            squares, logs = known.square_sigma, known.log_sigma
+            if sigma.size > 1 and least == largest:
+                known.square_sigma = squares.merge(ExactSum.of_equal(least * least, sigma.size))
+                known.log_sigma = logs.merge(ExactSum.of_equal(math.log(least), sigma.size))
             else:
-                known.log_sigma = known.log_sigma.add(np.log(sigma))
+                known.square_sigma, known.log_sigma = squares.add_squares(sigma), logs.add(np.log(sigma))
 
     @property
     def sums(self) -> Array:
@@ -294,6 +304,10 @@ class Accumulated:
             if name.startswith(_WINDOW):
                 part.window.parts[name.removeprefix(_WINDOW)] = [rows]
         return part
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
 
 
 def _last_decimal(known: float, more: Array) -> float:

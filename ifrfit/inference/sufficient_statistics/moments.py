@@ -67,12 +67,23 @@ class Moments:
         terms = map(read_only, (w, s, r, x))
         compiled(_accumulate)(self.high[group], self.low[group], read_only(place), *terms)
 
-    def add_direct(self, group: int, w: Array, s: Array, r: Array) -> None:
-        """Add impacts whose values are a constant times the slope: all in one interval, where x is zero."""
+    def add_values(
+        self, group: int, place: Place, sigma: Array, s: Array, value: Array, offset: Array, x: Array
+    ) -> None:
+        """As `add`, with weights of sigma^-2: interval, sigma, slope, value, offset, and x, (n,) each."""
+        terms = map(read_only, (sigma, s, value, offset, x))
+        compiled(_accumulate_values)(self.high[group], self.low[group], read_only(place), *terms)
+
+    def add_direct(self, group: int, sigma: Array, s: Array, r: Array) -> None:
+        """Add impacts whose values are a constant times the slope: all in one interval, where x is zero.
+
+        Weights are sigma^-2.
+        """
         high, low = self.high[group, 0], self.low[group, 0]
-        high[N] += w.size
-        ends = [each[w.size // _LANES * _LANES :] for each in (w, s, r)]
-        sums, lows = compiled(_direct)(*map(read_only, (w, s, r)))
+        high[N] += sigma.size
+        ends = [each[sigma.size // _LANES * _LANES :] for each in (sigma, s, r)]
+        ends[0] = 1.0 / (ends[0] * ends[0])
+        sums, lows = compiled(_direct)(*map(read_only, (sigma, s, r)))
         for place, (of, a, b) in enumerate(((S_1, 1, 1), (S_Z, 1, 2), (S_ZZ, 2, 2))):
             rest = (ends[0] * ends[a]) * ends[b]
             found = compiled(_of_lanes)(sums[place], lows[place], rest)
@@ -164,15 +175,16 @@ def _exact_squares(values: Array) -> tuple[Array, Array]:
     return high, low
 
 
-def _direct(w: Array, s: Array, r: Array) -> tuple[Array, Array]:
+def _direct(sigma: Array, s: Array, r: Array) -> tuple[Array, Array]:
     """Sums of w s^2, w s r and w r^2, (3, lanes), but for the last rows."""
     high, low = np.zeros((3, _LANES)), np.zeros((3, _LANES))
-    whole = w.size // _LANES * _LANES
+    whole = sigma.size // _LANES * _LANES
     for first in range(0, whole, _LANES):
         for k in range(_LANES):
             i = first + k
-            ws = w[i] * s[i]
-            one, two, three = ws * s[i], ws * r[i], w[i] * r[i] * r[i]
+            w = 1.0 / (sigma[i] * sigma[i])
+            ws = w * s[i]
+            one, two, three = ws * s[i], ws * r[i], w * r[i] * r[i]
             total = high[0, k] + one
             part = total - high[0, k]
             low[0, k] += (high[0, k] - (total - part)) + (one - part)
@@ -196,6 +208,24 @@ def _accumulate(high: Array, low: Array, place: Place, w: Array, s: Array, r: Ar
         high[b, 0] += 1.0
         k = 1
         for term in (one, one * x[i], one * x[i] * x[i], z, z * x[i], w[i] * r[i] * r[i]):
+            total = high[b, k] + term
+            part = total - high[b, k]
+            low[b, k] += (high[b, k] - (total - part)) + (term - part)
+            high[b, k] = total
+            k += 1
+
+
+def _accumulate_values(
+    high: Array, low: Array, place: Place, sigma: Array, s: Array, value: Array, offset: Array, x: Array
+) -> None:
+    for i in range(sigma.size):
+        b = place[i]
+        w, r = 1.0 / (sigma[i] * sigma[i]), value[i] - offset[i]
+        ws = w * s[i]
+        one, z = ws * s[i], ws * r
+        high[b, 0] += 1.0
+        k = 1
+        for term in (one, one * x[i], one * x[i] * x[i], z, z * x[i], w * r * r):
             total = high[b, k] + term
             part = total - high[b, k]
             low[b, k] += (high[b, k] - (total - part)) + (term - part)

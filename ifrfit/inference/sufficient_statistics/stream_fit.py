@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,10 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.integrators import ExactPosterior
 from ifrfit.inference.result.build import build_result
-from ifrfit.inference.result.deferred import Deferred, Postponed
+from ifrfit.inference.result.deferred import Deferred, Postponed, replaced
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Fact
 from ifrfit.inference.sufficient_statistics.accumulated import (
     BINS,
     MOST_SUMS,
@@ -65,7 +66,11 @@ from ifrfit.physics.compiling import available
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import joined
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SampleFit = Callable[[Observations], FitResult]
+Sampled = Postponed[FitResult | DataError]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
@@ -182,12 +187,15 @@ def fit_stream(
         solved = solve_condensed(questions, reader)
     values = [found.question.value(found.problem, found.optimum.optimum.theta) for found in solved]
     best = values.index(min(values))
-    samples: dict[int, FitResult | DataError] = {best: _sample(of, asked[best].fit_sample)}
-    for place, each in enumerate(asked):
-        if values[place] - values[best] > _BEATEN:
-            samples[place] = _under(samples[best], each)
-        elif place != best:
-            samples[place] = _sample(of, each.fit_sample)
+    drawn = {
+        place: Postponed(partial(_sample, of, asked[place].fit_sample))
+        for place, value in enumerate(values)
+        if value - values[best] <= _BEATEN
+    }
+    samples = [
+        drawn[place] if place in drawn else Postponed(partial(_under, drawn[best], each))
+        for place, each in enumerate(asked)
+    ]
     return [
         _estimated(
             each,
@@ -252,7 +260,7 @@ def _refuse_few_sigmas(of: Accumulated) -> None:
 def _estimated(
     asked: Asked,
     solved: Solved,
-    sample: FitResult | DataError,
+    sample: Sampled,
     estimator: Estimator,
     reader: Reader,
     seed: int,
@@ -261,7 +269,8 @@ def _estimated(
 ) -> StreamedFit:
     """What a method finds beyond an optimum, and what is said of all impacts.
 
-    Single rows are not looked at under a closure that another one beats by far: all of them misfit.
+    Single rows are not looked at under a closure that another one beats by far: all of them misfit. The
+    sample is fitted when something of it is asked for; spins before impact ask for it at once.
     """
     question = solved.question
     of, stream = question.of, question.of.stream
@@ -272,14 +281,13 @@ def _estimated(
         assumed = (*assumed, "no spin before impact")
     if not problem.has_oblique:
         assumed = ()
-    problem = replace(problem, quoted_spins=_median_spins(problem, sample))
+    spins = _median_spins(problem, sample.value) if stream.has_spin else ((0.0, 0.0),) * len(problem.series)
+    problem = replace(problem, quoted_spins=spins)
     estimation = _estimation(estimator, question, problem, optimum, reader, seed)
     if estimation.profiles:
         least = question.least_rise(problem, optimum, fetched) - solved.error
         _refuse_far_profiles(stream.path, estimation, least)
     result = build_result(problem, optimum, estimation, seed=seed, command=command, brief=True)
-    kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
-    copied, rounding = copied_impacts(of, problem, optimum), Rounding.of(of)
     source = source_of(of)
     proven = question.gap(problem, optimum, fetched)
     if proven is not None:
@@ -287,58 +295,57 @@ def _estimated(
     optimum = replace(optimum, optimum=replace(optimum.optimum, gap=proven))
     correction = likelihood_correction(problem, optimum, of)
     evidence = result.fit.log_evidence
-    points = result.points.iloc[:0]
-    if not isinstance(sample, DataError):
-        points = shown_points(sample, problem, optimum, seed)
-
-    def taken() -> tuple[str, ...]:
-        if isinstance(sample, DataError) or beaten > _BEATEN:
-            return assumed
-        return assumed_by(sample, result, assumed)
-
-    postponed = cast("tuple[str, ...]", Postponed(taken))
-    looked_at = sample
-    if beaten > _BEATEN:
-        looked_at = DataError(f"another closure has less of minus twice the log likelihood by {beaten:,.0f}.")
     statistics = replace(
         statistics_of_all(problem, optimum, result, of, correction),
         log_evidence=None if evidence is None else evidence + correction.of_evidence,
     )
-    condensed = replace(
+    copied = Postponed(partial(copied_impacts, of, problem, optimum))
+    rounding = Rounding.of(of)
+
+    def looked_at() -> FitResult | DataError:
+        if beaten > _BEATEN:
+            said = f"another closure has less of minus twice the log likelihood by {beaten:,.0f}."
+            return DataError(said)
+        return sample.value
+
+    def facts() -> dict[str, Fact]:
+        kinds = problem.observations.table["impact_id"].to_numpy(dtype=object)
+        effect = 1.0 if copied.value is None else copied.value.effect
+        means = lack_of_fit_of_means(problem, optimum, kinds, rounding, effect)
+        rows = looked_at()
+        return facts_of_all(problem, optimum, result, statistics, estimation, rows, means, copied.value, seed)
+
+    def shown_of_sample() -> pd.DataFrame:
+        drawn = sample.value
+        if isinstance(drawn, DataError):
+            return result.points.iloc[:0]
+        return shown_points(drawn, problem, optimum, seed)
+
+    points = Postponed(shown_of_sample)
+
+    def warnings() -> tuple[str, ...]:
+        of_sample = _of_sample(sample.value, looked_at(), len(points.value), source, has_spin=stream.has_spin)
+        left_out = warnings_of(of, source)
+        return *result.warnings, *left_out, *_of_ids(of), *_of_condensing(solved), of_sample
+
+    def taken() -> tuple[str, ...]:
+        drawn = sample.value
+        if isinstance(drawn, DataError) or beaten > _BEATEN:
+            return assumed
+        return assumed_by(drawn, result, assumed)
+
+    condensed = replaced(
         result,
         inputs=(source,),
         fit=statistics,
-        facts=Deferred(
-            lambda: facts_of_all(
-                problem,
-                optimum,
-                result,
-                statistics,
-                estimation,
-                looked_at,
-                lack_of_fit_of_means(
-                    problem, optimum, kinds, rounding, 1.0 if copied is None else copied.effect
-                ),
-                copied,
-                seed,
-            )
-        ),
-        warnings=(
-            *result.warnings,
-            *warnings_of(of, source),
-            *_of_ids(of),
-            *_of_condensing(solved),
-            _of_sample(sample, looked_at, len(points), source, has_spin=stream.has_spin),
-        ),
-        assumed=postponed,
+        facts=Deferred(facts),
+        warnings=Postponed(warnings),
+        assumed=Postponed(taken),
     )
     whole = result.distribution
     if isinstance(whole, ExactPosterior):  # of condensed rows, whose evidence is another one
         whole = replace(whole, log_evidence=whole.log_evidence + correction.of_evidence)
-    # given again: what is copied is asked for
-    shown = replace(
-        condensed, points=points, distribution=whole, problem=None, least_squares=None, assumed=postponed
-    )
+    shown = replaced(condensed, points=points, distribution=whole, problem=None, least_squares=None)
     return StreamedFit(shown, condensed, correction)
 
 
@@ -502,8 +509,9 @@ def _of_condensing(solved: Solved) -> tuple[str, ...]:
     )
 
 
-def _under(sample: FitResult | DataError, asked: Asked) -> FitResult | DataError:
+def _under(sample: Sampled, asked: Asked) -> FitResult | DataError:
     """The rows of a sample under a closure that has no hope, for which constants of their own say nothing."""
-    if isinstance(sample, DataError) or sample.problem is None:
-        return sample
-    return replace(sample, problem=sample.problem.with_closure(asked.closure, asked.parameters))
+    found = sample.value
+    if isinstance(found, DataError) or found.problem is None:
+        return found
+    return replace(found, problem=found.problem.with_closure(asked.closure, asked.parameters))

@@ -10,7 +10,7 @@ import pytest
 
 import ifrfit
 from ifrfit.inference.result import build
-from ifrfit.inference.result.deferred import Deferred, Postponed, PostponedField
+from ifrfit.inference.result.deferred import Deferred, Postponed, PostponedField, replaced
 
 
 def test_entries_are_computed_once_at_the_first_access():
@@ -85,3 +85,12 @@ def test_draws_points_and_assumptions_wait_until_they_are_read(monkeypatch):
     assert len(other.points) == found.fit.n
     assert np.array_equal(other.state.sample, found.state.sample)
     assert replace(other, command="").to_dict() == found.to_dict() | {"created": other.created}
+
+
+def test_a_copy_with_other_fields_asks_for_nothing_that_is_postponed():
+    found = ifrfit.fit("kharaz-2001", method="lsq")
+    before = found.__dict__["points"]
+    made = replaced(found, seed=3)
+    assert made.seed == 3
+    assert made.__dict__["points"] is before
+    assert made.points.equals(found.points)

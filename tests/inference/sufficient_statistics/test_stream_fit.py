@@ -196,6 +196,25 @@ def test_scatter_larger_than_its_sigma_is_no_fit(tmp_path, monkeypatch, size):
     assert fit.facts["lack_of_fit"].says.startswith("in a sample of ") == (size < len(table))
 
 
+def test_the_sample_is_fitted_when_something_of_it_is_asked_for(tmp_path, monkeypatch):
+    fitted = []
+    sample = stream_fit_module._sample
+
+    def told(*given):
+        fitted.append(True)
+        return sample(*given)
+
+    monkeypatch.setattr(stream_fit_module, "_sample", told)
+    table = impacts(3000, 3, spin=0.0).drop(columns="spin_y")
+    found = ifrfit.fit(folder_of(tmp_path / "all", table), method="lsq")
+    assert found.constants.mu.stderr > 0.0
+    assert not fitted
+    assert 0 < len(found.points) < found.fit.n
+    assert f"the result keeps {len(found.points):,} of them" in found.warnings[-1]
+    assert found.facts["lack_of_fit"].ok
+    assert fitted == [True]
+
+
 def test_what_is_assumed_is_as_in_memory(tmp_path):
     streamed, held = both(tmp_path, impacts(1500))
     assert len(streamed.assumed) == len(held.assumed) > 3

@@ -101,7 +101,7 @@ def held_of(monkeypatch, call):
 
     def counted(window, following, series):
         add(window, following, series)
-        kept.append(sum(part.shape[1] for parts in window.parts.values() for part in parts))
+        kept.append(sum(len(part[0]) for parts in window.parts.values() for part in parts))
 
     def told(*given, **named):
         found = tables(*given, **named)
