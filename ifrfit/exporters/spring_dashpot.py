@@ -125,9 +125,8 @@ def _tangential(
         limited = np.copysign(bound, spring)
         return np.where(slides, limited, spring + dashpot), np.where(slides, limited / k, stretch)
     trial = spring + dashpot
-    slides = np.abs(trial) > bound
-    limited = np.copysign(bound, trial)
-    return np.where(slides, limited, trial), np.where(slides, (limited - dashpot) / k, stretch)
+    force = np.minimum(np.maximum(trial, -bound), bound)
+    return force, np.where(force != trial, (force - dashpot) / k, stretch)
 
 
 def response(contact: SpringDashpot, inertia_factor: float, steps: int, incidence: Incidence) -> Response:
