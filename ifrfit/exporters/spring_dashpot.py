@@ -87,23 +87,29 @@ def impact(
     d, w = 0.0, 1.0
     pull_n, pull_t = 0.0, np.zeros_like(tau)
     slip, stretch, stiffness = tau.astype(float), np.zeros_like(tau), 0.0
+    head_on = not tau.any()  # nothing slips then, and nothing pulls along the wall
     for _ in range(20 * steps):
-        w_half, slip_half = w + 0.5 * h * pull_n, slip + 0.5 * h * pull_t
+        w_half = w + 0.5 * h * pull_n
+        slip_half = slip if head_on else slip + 0.5 * h * pull_t
         before = d, w, slip
         d += h * w_half
         if d <= 0.0:
             share = before[0] / (before[0] - d)
             return -(w + share * h * pull_n), slip + share * h * pull_t
         softer, stiffness, damping = stiffness, d**power, d ** (0.5 * power)
-        if contact.keeps == "force":
-            stretch = stretch * (softer / stiffness)
-        stretch = stretch + h * slip_half
         normal = stiffness * d + contact.c_n * damping * w_half
         if contact.clamped:
             normal = max(normal, 0.0)
+        pull_n = -normal
+        w = w_half + 0.5 * h * pull_n
+        if head_on:
+            continue
+        if contact.keeps == "force":
+            stretch = stretch * (softer / stiffness)
+        stretch = stretch + h * slip_half
         force, stretch = _tangential(contact, normal, stiffness, damping, stretch, slip_half)
-        pull_n, pull_t = -normal, -mobility * force
-        w, slip = w_half + 0.5 * h * pull_n, slip_half + 0.5 * h * pull_t
+        pull_t = -mobility * force
+        slip = slip_half + 0.5 * h * pull_t
     return 0.0, slip  # it does not leave the wall
 
 
@@ -119,9 +125,8 @@ def _tangential(
         limited = np.copysign(bound, spring)
         return np.where(slides, limited, spring + dashpot), np.where(slides, limited / k, stretch)
     trial = spring + dashpot
-    slides = np.abs(trial) > bound
-    limited = np.copysign(bound, trial)
-    return np.where(slides, limited, trial), np.where(slides, (limited - dashpot) / k, stretch)
+    force = np.minimum(np.maximum(trial, -bound), bound)
+    return force, np.where(force != trial, (force - dashpot) / k, stretch)
 
 
 def response(contact: SpringDashpot, inertia_factor: float, steps: int, incidence: Incidence) -> Response:

@@ -88,6 +88,7 @@ def test_help_has_no_escape_sequences_with_or_without_no_color(cli, monkeypatch)
 
 def test_names_may_stand_in_one_list(cli) -> None:
     fixed = ("fit", "cross-2019", "--series", "no spin", "--series", "spin 0.225", "--fix", "e_n=0.94")
+    fixed += ("--method", "lsq")
     two = cli(*fixed, "--separate", "e_t", "--separate", "mu")
     one = cli(*fixed, "--separate", "e_t,mu")
     spaced = cli(*fixed, "--separate", "e_t, mu")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,6 +32,13 @@ def constants(closure="fr", j=0.4, **changed):
 
 
 def translated(target, given, angle=None):
+    return once(target, given.closure.name, given.inertia_factor, tuple(given.values.items()), angle)
+
+
+@cache
+def once(target, closure, j, values, angle):
+    """What a target makes of constants, which no test changes."""
+    given = ExportedConstants(get_closure(closure), j, dict(values))
     return EXPORTERS[target].translate(given, Conditions(angle=angle))
 
 

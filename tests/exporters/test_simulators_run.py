@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from simulators.registry import SIMULATORS
@@ -33,14 +35,20 @@ def constants():
     return ExportedConstants(get_closure("fr"), 0.4, {"e_n": 0.9, "beta0": 0.4, "mu": 0.15})
 
 
+@cache
+def translated(target):
+    """What is exported of the constants, which each test reads and none changes."""
+    exporter = EXPORTERS[target]
+    at = Conditions(40.0 if "angle" in exporter.takes else None, SPEED if "speed" in exporter.takes else None)
+    return exporter.translate(constants(), at)
+
+
 def shot(target, approach=SPEED, changed=None, laterals=(0.0,), twists=(0.0,)):
     """The simulator's rebounds, and those of the law that the export states."""
     simulator = SIMULATORS[target]
     if not simulator.version():
         pytest.skip(f"{target} is not installed here")
-    exporter = EXPORTERS[target]
-    at = Conditions(40.0 if "angle" in exporter.takes else None, SPEED if "speed" in exporter.takes else None)
-    found = exporter.translate(constants(), at)
+    found = translated(target)
     spins = [0.0] if target == "openfoam" else [-0.55, 0.0, 0.55]
     shots = Shots.over(ANGLES, [approach], spins, laterals, twists)
     lines = list(found.lines) if changed is None else [line.replace(*changed) for line in found.lines]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,6 +32,18 @@ def table(**changed):
 
 def compared(data, **kw):
     return ifrfit.compare(data, CLOSURES, loo=False, **kw)
+
+
+@cache
+def fine():
+    """The comparison of a table without faults, which is frozen."""
+    return compared(table())
+
+
+@cache
+def with_outlier():
+    """That of a table with one outlier."""
+    return compared(with_an_outlier())
 
 
 def looks(found):
@@ -75,13 +88,13 @@ def test_what_the_fit_says_look_to_stands_before_the_verdict_is_believed(case):
 
 
 def test_a_table_without_faults_has_its_verdict_alone():
-    found = compared(table())
+    found = fine()
     assert not looks(found)
     assert "Settle first" not in found.verdict.says
 
 
 def test_options_are_named_as_the_comparison_was_asked_for():
-    (said,) = looks(compared(with_an_outlier()))
+    (said,) = looks(with_outlier())
     assert "exclude=" in said
     assert "--exclude" not in said
     (said,) = looks(compared(with_an_outlier(), command="ifrfit compare made.csv"))
@@ -89,7 +102,7 @@ def test_options_are_named_as_the_comparison_was_asked_for():
 
 
 def test_a_fact_of_closures_that_tie_is_told_once():
-    found = compared(with_an_outlier())
+    found = with_outlier()
     told = reservations(found.entries, found.ranked)
     assert [name for name, own in told.items() if "outliers" in own] == [found.ranked[0]]
 
@@ -126,7 +139,7 @@ def slip(called, drop, p_left):
     ],
 )
 def test_the_slip_that_mends_the_table_takes_the_place_of_what_it_feigns(of_other, says):
-    found = compared(table())
+    found = fine()
     best, other = found.ranked[:2]
     assert (best, other) == ("ifr", "fr")
     found = failing(found, best, slips=slip("sign beta", 100.0, 1e-9), outliers={})

@@ -48,7 +48,7 @@ def as_if_many(monkeypatch, rows=300):
 def test_it_is_the_fit_of_impacts_that_are_held(tmp_path, monkeypatch, noise, options):
     # of which none is looked at by itself, that takes long
     monkeypatch.setattr(stream_fit, "_sample", lambda *given: DataError("none looked at."))
-    table = open_impacts(20_000, 1.0, series=2 if "separate" in options else 1)
+    table = open_impacts(8000, 1.0, series=2 if "separate" in options else 1)
     folder = folder_of(tmp_path / "all", table, 2, "parquet")
     held = ifrfit.fit(folder, method="exact", noise=noise, **options)
     solved = as_if_many(monkeypatch)

@@ -57,7 +57,7 @@ def test_whether_series_share_their_noise(tmp_path):
 
 
 def test_a_slip_of_one_series_is_told_by_the_sample(tmp_path):
-    table = two_series(1500, (0.15, 0.15), spin=0.0)
+    table = two_series(500, (0.15, 0.15), spin=0.0)
     turned = table["series"] == "s1"
     table.loc[turned, "gamma_deg"] = 90.0 - table.loc[turned, "gamma_deg"]
     streamed, held = both(tmp_path, table)

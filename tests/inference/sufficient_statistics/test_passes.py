@@ -50,12 +50,11 @@ def test_portions_hold_every_row_once(tmp_path):
     assert sum(piece.rows for portion in found for piece in portion) == 5000
 
 
-@pytest.mark.parametrize("series", [1, 3])
-def test_workers_change_no_bit(tmp_path, series):
+@pytest.mark.parametrize(("series", "workers"), [(1, 2), (1, 7), (3, 2)])
+def test_workers_change_no_bit(tmp_path, series, workers):
     folder = folder_of(tmp_path / "all", impacts(4000, series=series), 3, "parquet")
     alone = record_of(ifrfit.fit(folder, method="exact"))
-    for workers in (2, 7):
-        assert record_of(ifrfit.fit(folder, method=Exact(workers=workers))) == alone
+    assert record_of(ifrfit.fit(folder, method=Exact(workers=workers))) == alone
 
 
 def test_parts_change_no_bit_of_the_constants(tmp_path):

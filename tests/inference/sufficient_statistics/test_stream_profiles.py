@@ -97,7 +97,7 @@ def test_what_the_sums_do_not_prove_is_refused(tmp_path, monkeypatch):
 
 
 def test_the_page_shows_the_profiles(tmp_path):
-    folder = folder_of(tmp_path / "all", impacts(6000), 2, "parquet")
+    folder = folder_of(tmp_path / "all", impacts(2200), 2, "parquet")
     fit = ifrfit.fit(folder, method="profile")
     assert fit.is_sampled
     appraisal = appraise(fit)
