@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 REPLICATES = 16  # lattices with shifts of their own
 _FEWEST = 400  # effective draws below which an evidence is not believed: 0.05 if they were independent
 
+_REACH, _HALVINGS = 30.0, 30  # of the logarithm below that of the highest power, and steps in it
+
 
 def effective_share(log_weights: Array) -> float:
     """Kish's effective sample size over the number of points."""
@@ -22,16 +24,22 @@ def effective_share(log_weights: Array) -> float:
     return float(1.0 / np.sum(weights**2)) / weights.size
 
 
+def even_power(log_weights: Array, least: float, highest: float = 1.0) -> float:
+    """The largest power of the weights, up to the highest, that leaves a share of the points effective."""
+    if effective_share(highest * log_weights) >= least:
+        return highest
+    low, high = math.log(highest) - _REACH, math.log(highest)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        is_even = effective_share(math.exp(middle) * log_weights) >= least
+        low, high = (middle, high) if is_even else (low, middle)
+    return math.exp(low)
+
+
 def tempered(log_weights: Array, least: float) -> Array:
     """Log weights times the largest power up to one that leaves a share of the points effective."""
-    low, high = 0.0, 1.0
     log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
-    if effective_share(log_weights) >= least:
-        return log_weights
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if effective_share(middle * log_weights) >= least else (low, middle)
-    return np.asarray(low * log_weights)
+    return np.asarray(even_power(log_weights, least) * log_weights)
 
 
 def replicated_evidence(log_weights: Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
-from ifrfit.inference.posterior.importance_weights import effective_share
+from ifrfit.inference.posterior.importance_weights import even_power
 
 Array = NDArray[np.float64]
 
@@ -77,14 +77,7 @@ def tempered_points(
 
 def _rising(log_p: Array, powers: Sequence[float]) -> list[float]:
     """Rising powers, from one at which uniform points hold the density to the last of those asked for."""
-    first = powers[0]
-    if effective_share(first * log_p) < _EFFECTIVE:
-        low, high = -30.0, math.log(first)
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            is_even = effective_share(math.exp(middle) * log_p) >= _EFFECTIVE
-            low, high = (middle, high) if is_even else (low, middle)
-        first = math.exp(low)
+    first = even_power(log_p, _EFFECTIVE, powers[0])
     n_first = math.ceil(math.log(powers[0] / first) / math.log(_FAST) - 1e-6)
     found = [powers[0] * (first / powers[0]) ** (k / n_first) for k in range(n_first, 0, -1)]
     for power, before in zip(powers, (None, *powers), strict=False):
