@@ -20,7 +20,7 @@ from ifrfit.inference.comparison.prior_sensitivity import (
 )
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.reservations import with_reservations
-from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo, PriorRow, PsiPlane
+from ifrfit.inference.comparison.result import HOPELESS, Comparison, Entry, Loo, PsiPlane
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
@@ -231,12 +231,16 @@ def _compare_stream(
     )
     fits = {c.name: each.condensed for c, each in zip(closures, found, strict=True)}
     more = {c.name: each.correction.of_evidence for c, each in zip(closures, found, strict=True)}
+    beyond = optima_beyond_priors(fits)
     priors = tuple(
-        PriorRow(row.varied, {n: None if x is None else x + more[n] for n, x in row.log_evidence.items()})
-        for row in prior_table(fits)
+        replace(
+            row, log_evidence={n: None if x is None else x + more[n] for n, x in row.log_evidence.items()}
+        )
+        for row in prior_table(fits, beyond)
     )
     if not fits[closures[0].name].problem_and_optimum()[0].has_oblique:
         notes += (_NO_OBLIQUE,)
+    notes += tuple(each.says for each in beyond.values())
     notes += ("Cross-validation and the psi plane take the rows one by one, which were not held in memory.",)
     evidence = {name: fit.fit.log_evidence or 0.0 for name, fit in fits.items()}
     entries = _entries(fits, evidence, {})
@@ -306,14 +310,15 @@ def _weighed(
     brief: Collection[str] = (),
 ) -> Comparison:
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`, some fits `brief`."""
-    priors = prior_table(fits)
+    beyond = optima_beyond_priors(fits)
+    priors = prior_table(fits, beyond)
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if loo and problems[0].common is not None:
         loo = False
         notes += ("Rows have errors in common, which tie impacts to one another: none is left out by turns.",)
     found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
-    notes += (*without, *optima_beyond_priors(fits))
+    notes += (*without, *(each.says for each in beyond.values()))
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ from ifrfit.text import joined
 
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
+_ROOM = 1.2  # times an optimum of mu beyond its prior, to which a row reaches
+_MOST_MU = 10.0  # no friction reaches it
+_COST_OF_CONSTANT = 2.0  # in AIC
 _NOTHING = 1e-6  # share of the posterior that no evidence feels
 _ENOUGH = 1e-3  # share of a posterior, within or outside, that its distribution function tells
 _DRAWS = 20_000  # behind a joint share
@@ -50,35 +53,61 @@ def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
     return found
 
 
-def optima_beyond_priors(fits: Mapping[str, FitResult]) -> tuple[str, ...]:
-    """Of closures whose optimum lies beyond their prior, where criteria and evidence are of other constants.
+@dataclass(frozen=True)
+class BeyondPrior:
+    """An optimum that lies beyond the end of a prior, where criteria and evidence are of other constants.
+
+    Attributes
+    ----------
+    closure : str
+        Its title.
+    optimum, upper : mapping of str to float
+        Of each entry that is beyond: where the optimum lies, and where the prior ends.
+    gain : float
+        Fall of minus twice the log likelihood from the best point within the prior.
+    """
+
+    closure: str
+    optimum: Mapping[str, float]
+    upper: Mapping[str, float]
+    gain: float
+
+    @property
+    def says(self) -> str:
+        """The same in a sentence."""
+        places = joined([f"{name} = {value:.3g}" for name, value in self.optimum.items()])
+        ends = joined([f"{name} up to {end:g}" for name, end in self.upper.items()])
+        return (
+            f"AIC, BIC and p of fit of {self.closure} are of {places}; its evidence is of the prior, {ends}, "
+            f"where AIC is {self.gain:.3g} more."
+        )
+
+
+def optima_beyond_priors(fits: Mapping[str, FitResult]) -> dict[str, BeyondPrior]:
+    """Closures whose optimum lies beyond their prior, by more than a constant costs in AIC.
 
     AIC, BIC and p of fit are of the best point of the domain, in which mu has no end; the evidence is an
-    integral over the prior. Told where twice the log likelihood differs by more than a constant costs in AIC.
+    integral over the prior.
     """
-    said = []
+    found = {}
     for name, fit in fits.items():
         problem, optimum = fit.problem_and_optimum()
         free, theta = problem.parameters.free, optimum.optimum.theta
-        beyond = [
-            (unknown, float(value))
+        beyond = {
+            unknown: float(value)
             for unknown, value in zip(problem.free_parameters, theta[free], strict=True)
             if value > unknown.upper
-        ]
+        }
         is_plain = problem.error_model.is_plain and problem.common is None and problem.offset is None
-        if not (beyond and is_plain and all(math.isfinite(value) for _, value in beyond)):
+        if not (beyond and is_plain and all(map(math.isfinite, beyond.values()))):
             continue
-        confined = problem.within_prior()
-        within = least_squares(confined, proven=False)
+        within = least_squares(problem.within_prior(), proven=False)
         gain = 2.0 * (_log_likelihood(problem, theta) - _log_likelihood(problem, within.optimum.theta))
-        if gain > 2.0:
-            places = joined([f"{unknown.name} = {value:.3g}" for unknown, value in beyond])
-            ends = joined([f"{unknown.name} up to {unknown.upper:g}" for unknown, _ in beyond])
-            said.append(
-                f"AIC, BIC and p of fit of {get_closure(name).title} are of {places}; its evidence is of the "
-                f"prior, {ends}, where AIC is {gain:.3g} more."
-            )
-    return tuple(said)
+        if gain > _COST_OF_CONSTANT:
+            optima = {unknown.name: value for unknown, value in beyond.items()}
+            ends = {unknown.name: unknown.upper for unknown in beyond}
+            found[name] = BeyondPrior(get_closure(name).title, optima, ends, gain)
+    return found
 
 
 def _log_likelihood(problem: Problem, theta: Array) -> float:
@@ -87,26 +116,41 @@ def _log_likelihood(problem: Problem, theta: Array) -> float:
     return float(-0.5 * np.sum((problem.residual(theta) / sigma) ** 2) - np.log(sigma).sum())
 
 
-def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
+def prior_table(
+    fits: Mapping[str, FitResult], beyond: Mapping[str, BeyondPrior] | None = None
+) -> tuple[PriorRow, ...]:
     """Log evidences with wider and narrower priors, one change at a time.
 
     The end of mu's uniform prior moves for all closures together. Each closure's own constant is held to
     half its domain, placed about its posterior median: the narrowest that a favourable colleague may have
     chosen, which raises that closure's evidence by log 2 at most. The domains are the widest that create no
     energy already, so they are not widened. Constants that are fixed or have a prior of the user's stay.
-    A closure without hope is not integrated afresh: where its posterior does not tell, it has no number.
+    A closure without hope is not integrated afresh: where its posterior does not tell, it has no number. One
+    whose optimum lies beyond the prior has as much hope as there, and a row reaches beyond that, up to 10.
+
+    Parameters
+    ----------
+    fits : mapping of str to FitResult
+    beyond : mapping of str to BeyondPrior, optional
+        Closures whose optimum lies beyond their prior.
     """
+    beyond = beyond or {}
     stated = {name: _log_evidence(fit) for name, fit in fits.items()}
-    hopeful = {name for name, own in stated.items() if own >= max(stated.values()) - HOPELESS}
+    gains = {name: 0.5 * each.gain for name, each in beyond.items()}
+    hopeful = {n for n, own in stated.items() if own + gains.get(n, 0.0) >= max(stated.values()) - HOPELESS}
     rows = [PriorRow("", dict(stated))]
     problems = {name: fit.problem_and_optimum()[0] for name, fit in fits.items()}
     mu = _varied(next(iter(problems.values())), "mu")
     if mu is not None:
         low, high = mu.lower, FreeParameter.of("mu", mu).upper
-        for width in MU_WIDTHS:
-            ends = (low, low + width * (high - low))
+        uppers = [low + width * (high - low) for width in MU_WIDTHS]
+        farthest = max((max(beyond[name].optimum.values()) for name in hopeful & beyond.keys()), default=0.0)
+        if uppers[-1] < _ROOM * farthest <= _MOST_MU:
+            uppers.append(float(math.ceil(_ROOM * farthest)))
+        for upper in uppers:
+            ends = low, upper
             found = {n: _evidence(fit, "mu", ends, afresh=n in hopeful) for n, fit in fits.items()}
-            rows.append(PriorRow(f"mu up to {ends[1]:g}", found))
+            rows.append(PriorRow(f"mu up to {upper:g}", found, upper))
     for name, problem in problems.items():
         closure = get_closure(name)
         own = _varied(problem, closure.constant) if closure.constant else None

@@ -86,10 +86,13 @@ class PriorRow:
         What differs from the stated priors, in words; empty for these themselves.
     log_evidence : mapping
         Closure to its log evidence; None where that prior has no meaning for it, or it no hope.
+    mu_upper : float or None
+        Upper end of the prior of mu where this is what differs.
     """
 
     varied: str
     log_evidence: Mapping[str, float | None]
+    mu_upper: float | None = None
 
     def log_bayes_factor(self, one: str, other: str) -> float | None:
         """Log Bayes factor of `one` over `other`; None where either has no evidence here."""

@@ -23,6 +23,7 @@ INDIFFERENT = 1.0
 SCALE_WORDS = "over 1 positive, over 3 strong, over 5 very strong"
 
 _ADVERBS = {"very strong": "very strongly", "strong": "strongly", "positive": "slightly"}
+_REFUSED = 5.0  # of the log evidence of the best closure, that a prior may cost before it is none
 _STRONG = min(least for least, word in SCALE if word == "strong")
 
 
@@ -39,14 +40,15 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
     Verdict
         stand_in wherever a row was generated here, whatever the numbers; refuted where the best closure has
         lack of fit; undecided where another lies within a log Bayes factor of 1, or its best curve within the
-        noise of the best one's: then only the widths of the priors weigh them.
+        noise of the best one's: then only the widths of the priors weigh them; undecided, too, where another
+        leads as soon as mu may be larger than its prior has it.
     """
     ranked = sorted(entries, key=lambda name: -entries[name].log_evidence)
     kinds = set(entries[ranked[0]].fit.points["provenance"])
     if STAND_IN in kinds:
         return Verdict("stand_in", _stand_in_words(entries[ranked[0]].fit))
     best = ranked[0]
-    found = _refuted(entries, ranked)
+    found = _turned_by_room(entries, ranked, priors) or _refuted(entries, ranked)
     if found is None:
         tied = [best] + [name for name in ranked[1:] if _ties(entries, best, name)]
         found = _preferred(entries, ranked, priors) if len(tied) == 1 else _undecided(entries, ranked, tied)
@@ -79,8 +81,17 @@ def curve_distance(one: FitResult, other: FitResult) -> float:
 
 
 def over_priors(priors: Sequence[PriorRow], best: str, other: str) -> Interval | None:
-    """Smallest and largest log Bayes factor over the table; None where nothing was varied."""
-    found = [row.log_bayes_factor(best, other) for row in priors]
+    """Smallest and largest log Bayes factor over the table; None where nothing was varied.
+
+    Priors that the data refuse under the best closure, as a mu that ends below its own, do not count.
+    """
+    stated = priors[0].log_evidence[best]
+    kept = [
+        row
+        for row in priors
+        if stated is None or (own := row.log_evidence[best]) is None or own > stated - _REFUSED
+    ]
+    found = [row.log_bayes_factor(best, other) for row in kept]
     known = [x for x in found if x is not None]
     return (min(known), max(known)) if len(priors) > 1 else None
 
@@ -98,6 +109,39 @@ def _stand_in_words(fit: FitResult) -> str:
 def _ties(entries: Mapping[str, Entry], best: str, name: str) -> bool:
     gap = entries[best].log_evidence - entries[name].log_evidence
     return gap <= INDIFFERENT or curve_distance(entries[best].fit, entries[name].fit) < 1.0
+
+
+def _turned_by_room(
+    entries: Mapping[str, Entry], ranked: Sequence[str], priors: Sequence[PriorRow]
+) -> Verdict | None:
+    """Verdict where a prior of mu that ends farther out has another closure come near, or lead; else None.
+
+    The optimum of that closure lies beyond the stated end, where it describes the data, and its evidence is
+    that of a tail.
+    """
+    best = ranked[0]
+    stated = entries[best].prior.get("mu", {}).get("upper", math.inf)
+    wider = [row for row in priors if row.mu_upper is not None and row.mu_upper > stated]
+    gaps = {name: entries[best].log_evidence - entries[name].log_evidence for name in ranked}
+    leads = [
+        (lead, row, name)
+        for row in wider
+        for name in ranked[1:]
+        if gaps[name] > _STRONG
+        and entries[name].fit.facts["lack_of_fit"].ok
+        and (lead := row.log_bayes_factor(name, best)) is not None
+        and lead > -_STRONG
+    ]
+    if not leads:
+        return None
+    lead, row, other = max(leads, key=lambda each: each[0])
+    then = f"leads {title(best)} ({_number(lead)})" if lead > 0.0 else f"is behind by {_number(-lead)}"
+    says = (
+        f"Which closure the data favour hangs on how large mu may be: with its prior as stated, up to "
+        f"{stated:g}, {title(best)} leads {title(other)} (log Bayes factor {_number(gaps[other])}); "
+        f"{row.varied}, {title(other)} {then}. Give mu that room, by bounds up to {row.mu_upper:g}."
+    )
+    return Verdict("undecided", says, (best, other), None, None, "", over_priors(priors, best, other))
 
 
 def _refuted(entries: Mapping[str, Entry], ranked: Sequence[str]) -> Verdict | None:

@@ -166,3 +166,35 @@ def test_an_optimum_within_the_prior_says_nothing(found):
 def test_closures_beside_a_fit_of_a_command_speak_its_words():
     fit = ifrfit.fit("cornell-glass", command="ifrfit fit cornell-glass")
     assert {e.fit.command for e in compare_result(fit).entries.values()} == {fit.command}
+
+
+def test_a_mu_beyond_its_prior_turns_no_verdict_in_silence():
+    # drawn by IFR with mu = 2.6: within mu up to 2 another closure leads by 126, and chi2 is 52.6 for IFR
+    rng = np.random.default_rng(3)
+    gamma = np.radians(rng.uniform(40.0, 88.0, 25))
+    friction = 3.5 * 2.6 * 1.6 / np.tan(gamma)
+    data = {
+        "gamma_deg": np.degrees(gamma),
+        "beta": -0.9 + np.minimum(1.4, friction) + rng.normal(0.0, 0.02, 25),
+        "e_n": 0.6 + rng.normal(0.0, 0.02, 25),
+        "sigma_beta": np.full(25, 0.02),
+        "sigma_e_n": np.full(25, 0.02),
+    }
+    stated = compare(data, ["fr", "ifr", "ifr-contact"], loo=False)
+    assert stated.ranked[0] == "ifr-contact"
+    assert stated.verdict.kind == "undecided"
+    assert "hangs on how large mu may be" in stated.verdict.says
+    assert "Give mu that room, by bounds up to 4" in stated.verdict.says
+    row = next(row for row in stated.priors if row.mu_upper == 4.0)
+    wide = compare(data, ["fr", "ifr", "ifr-contact"], loo=False, bounds={"mu": (0.0, 4.0)})
+    assert wide.ranked[0] == "ifr"
+    assert "hangs on" not in wide.verdict.says
+    for name, entry in wide.entries.items():
+        assert row.log_evidence[name] == pytest.approx(entry.log_evidence, abs=0.02)
+
+
+def test_a_mu_that_no_friction_reaches_makes_no_row_and_no_verdict():
+    both = compare("wang-2018-limestone", ["fr", "maw"], loo=False)
+    assert both.table()["aic"]["maw"] < both.table()["aic"]["fr"]  # at mu = 47
+    assert max(row.mu_upper or 0.0 for row in both.priors) == 4.0
+    assert both.verdict.kind == "refuted"
