@@ -17,6 +17,7 @@ from ifrfit.inference.comparison.prior_sensitivity import (
     optima_beyond_priors,
     prior_of,
     prior_table,
+    words_beside_criteria,
 )
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.reservations import with_reservations
@@ -240,7 +241,7 @@ def _compare_stream(
     )
     if not fits[closures[0].name].problem_and_optimum()[0].has_oblique:
         notes += (_NO_OBLIQUE,)
-    notes += tuple(each.says for each in beyond.values())
+    notes += tuple(words_beside_criteria(name, each) for name, each in beyond.items())
     notes += ("Cross-validation and the psi plane take the rows one by one, which were not held in memory.",)
     evidence = {name: fit.fit.log_evidence or 0.0 for name, fit in fits.items()}
     entries = _entries(fits, evidence, {})
@@ -318,7 +319,7 @@ def _weighed(
         loo = False
         notes += ("Rows have errors in common, which tie impacts to one another: none is left out by turns.",)
     found, without = _cross_validated(fits, evidence, seed, tell) if loo else ({}, ())
-    notes += (*without, *(each.says for each in beyond.values()))
+    notes += (*without, *(words_beside_criteria(name, each) for name, each in beyond.items()))
     if not problems[0].has_oblique:
         notes += (_NO_OBLIQUE,)
     entries = _entries(fits, evidence, found)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import HOPELESS, PriorRow
+from ifrfit.inference.diagnostics.friction_beyond_prior import BeyondPrior, beyond_prior
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
-from ifrfit.inference.optimize.least_squares import followed, least_squares
-from ifrfit.inference.optimize.noise_modes import likely_sigma
+from ifrfit.inference.optimize.least_squares import followed
 from ifrfit.inference.posterior import (
     ExactPosterior,
     ImportancePosterior,
@@ -28,13 +28,9 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
-from ifrfit.text import joined
 
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
-_ROOM = 1.2  # times an optimum of mu beyond its prior, to which a row reaches
-_MOST_MU = 10.0  # no friction reaches it
-_COST_OF_CONSTANT = 2.0  # in AIC
 _NOTHING = 1e-6  # share of the posterior that no evidence feels
 _ENOUGH = 1e-3  # share of a posterior, within or outside, that its distribution function tells
 _DRAWS = 20_000  # behind a joint share
@@ -53,67 +49,18 @@ def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
     return found
 
 
-@dataclass(frozen=True)
-class BeyondPrior:
-    """An optimum that lies beyond the end of a prior, where criteria and evidence are of other constants.
-
-    Attributes
-    ----------
-    closure : str
-        Its title.
-    optimum, upper : mapping of str to float
-        Of each entry that is beyond: where the optimum lies, and where the prior ends.
-    gain : float
-        Fall of minus twice the log likelihood from the best point within the prior.
-    """
-
-    closure: str
-    optimum: Mapping[str, float]
-    upper: Mapping[str, float]
-    gain: float
-
-    @property
-    def says(self) -> str:
-        """The same in a sentence."""
-        places = joined([f"{name} = {value:.3g}" for name, value in self.optimum.items()])
-        ends = joined([f"{name} up to {end:g}" for name, end in self.upper.items()])
-        return (
-            f"AIC, BIC and p of fit of {self.closure} are of {places}; its evidence is of the prior, {ends}, "
-            f"where AIC is {self.gain:.3g} more."
-        )
-
-
 def optima_beyond_priors(fits: Mapping[str, FitResult]) -> dict[str, BeyondPrior]:
-    """Closures whose optimum lies beyond their prior, by more than a constant costs in AIC.
-
-    AIC, BIC and p of fit are of the best point of the domain, in which mu has no end; the evidence is an
-    integral over the prior.
-    """
-    found = {}
-    for name, fit in fits.items():
-        problem, optimum = fit.problem_and_optimum()
-        free, theta = problem.parameters.free, optimum.optimum.theta
-        beyond = {
-            unknown: float(value)
-            for unknown, value in zip(problem.free_parameters, theta[free], strict=True)
-            if value > unknown.upper
-        }
-        is_plain = problem.error_model.is_plain and problem.common is None and problem.offset is None
-        if not (beyond and is_plain and all(map(math.isfinite, beyond.values()))):
-            continue
-        within = least_squares(problem.within_prior(), proven=False)
-        gain = 2.0 * (_log_likelihood(problem, theta) - _log_likelihood(problem, within.optimum.theta))
-        if gain > _COST_OF_CONSTANT:
-            optima = {unknown.name: value for unknown, value in beyond.items()}
-            ends = {unknown.name: unknown.upper for unknown in beyond}
-            found[name] = BeyondPrior(get_closure(name).title, optima, ends, gain)
-    return found
+    """Closures whose optimum lies beyond their prior: criteria and evidence are of other constants."""
+    found = {name: beyond_prior(*fit.problem_and_optimum()) for name, fit in fits.items()}
+    return {name: beyond for name, beyond in found.items() if beyond is not None}
 
 
-def _log_likelihood(problem: Problem, theta: Array) -> float:
-    """At constants, with the noise that makes it largest there; less what is the same for all constants."""
-    sigma = problem.noise.sigma if problem.noise.is_known else likely_sigma(problem, theta)
-    return float(-0.5 * np.sum((problem.residual(theta) / sigma) ** 2) - np.log(sigma).sum())
+def words_beside_criteria(closure: str, beyond: BeyondPrior) -> str:
+    """What stands beside criteria that are of the best point of the domain, not of the prior."""
+    return (
+        f"AIC, BIC and p of fit of {get_closure(closure).title} are of {beyond.places}; its evidence is of "
+        f"the prior, {beyond.ends}, where AIC is {beyond.gain:.3g} more."
+    )
 
 
 def prior_table(
@@ -144,9 +91,10 @@ def prior_table(
     if mu is not None:
         low, high = mu.lower, FreeParameter.of("mu", mu).upper
         uppers = [low + width * (high - low) for width in MU_WIDTHS]
-        farthest = max((max(beyond[name].optimum.values()) for name in hopeful & beyond.keys()), default=0.0)
-        if uppers[-1] < _ROOM * farthest <= _MOST_MU:
-            uppers.append(float(math.ceil(_ROOM * farthest)))
+        rooms = [beyond[name].room for name in hopeful & beyond.keys()]
+        farthest = max((room for room in rooms if math.isfinite(room)), default=0.0)
+        if farthest > uppers[-1]:
+            uppers.append(farthest)
         for upper in uppers:
             ends = low, upper
             found = {n: _evidence(fit, "mu", ends, afresh=n in hopeful) for n, fit in fits.items()}

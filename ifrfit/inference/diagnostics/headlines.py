@@ -22,6 +22,7 @@ HEADLINES = {
     "mixture": "the table looks as if it held impacts of two kinds",
     "independence": "errors are not independent",
     "normal_restitution": "the readings of e_n contradict what is taken of them",
+    "friction_beyond_prior": "the best friction lies beyond its prior",
     "prior_conflict": "the data contradict a value that was taken for known",
     "slips": "the table looks as if it had a slip in it",
     "repeats": "repeats share an error",

@@ -58,6 +58,7 @@ _ORDER = (
     "unrelated_readings",
     "beyond_closure",
     "pooling",
+    "friction_beyond_prior",
     "prior_conflict",
     "duplicates",
     "second_readings",

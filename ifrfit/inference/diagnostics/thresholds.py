@@ -25,6 +25,7 @@ TIMES_GIVEN = 0.3
 MOST_MISSING = 5.0
 RANGE_OF_SPEEDS = 1.2  # of the largest over the smallest, from which something is asked of them
 TINY_FRICTION = 0.005  # mu of no dry contact
+FRICTION_OF_NO_CONTACT = 10.0  # nor is that
 ROUGH_SIGMA = 0.4  # scatter of logarithms of sigmas, as of five readings each
 FEWEST_BENDS = 6  # of sigmas, from which that is looked at
 FEWEST_ALIKE = 5
@@ -94,6 +95,9 @@ FACTS = {
     "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed, have "
     "a prior or lie on a bound of yours: the constant without that describes the data better (F, or chi2 for "
     "known sigma)",
+    "friction_beyond_prior": "stands only where it fails: the best mu lies beyond the end of its default "
+    f"prior, and describes the data better than any within (p < {REFUTED:g}, chi2 of the fall in -2 log L; "
+    "of posteriors with plain errors)",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "

@@ -18,6 +18,7 @@ from ifrfit._version import __version__
 from ifrfit.data.common_errors import loadings_of
 from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
 from ifrfit.inference.diagnostics.causes import causes_of
+from ifrfit.inference.diagnostics.friction_beyond_prior import friction_beyond_prior
 from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import effect_lines
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
@@ -377,10 +378,14 @@ def _facts(
     )
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
+    beyond = (
+        friction_beyond_prior(asked, optimum) if estimation.is_posterior and "slips" not in first else None
+    )
     facts = {
         **first,
         # what refutes the closure comes first: no remedy of what follows would help
         **{name: fact for name, fact in found.items() if name == "beyond_closure"},
+        **({} if beyond is None else {"friction_beyond_prior": beyond}),
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),

@@ -12,6 +12,7 @@ from scipy.special import chdtrc
 
 from ifrfit.data.observations import Source
 from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.friction_beyond_prior import friction_beyond_prior
 from ifrfit.inference.diagnostics.nested_models import pooling, unequal_noise
 from ifrfit.inference.diagnostics.optimum_facts import (
     at_bound,
@@ -200,6 +201,7 @@ def facts_of_all(
         "noise_modes": several_modes(problem, optimum),
         "noise_dof": few_degrees_of_freedom(problem, optimum),
         "tiny_friction": tiny_friction(problem, result.constants),
+        "friction_beyond_prior": friction_beyond_prior(problem, optimum) if estimation.is_posterior else None,
     }
     own = {name: fact for name, fact in asked.items() if fact is not None} | dict(estimation.diagnostics)
     own["global_optimum"] = global_optimum(optimum, bilinear=True)

@@ -123,7 +123,7 @@ def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
     if below != above and not (wide and below):
         interval68, interval95, sd = marginal.one_sided(below)
         if certain and sd is not None and sd < enough:
-            bound = domain.lower if below else domain.upper
+            bound = domain.lower if below else min(domain.upper, domain.prior_upper)
             best = marginal.value if known.optimum is None else known.optimum
             reason = f"{'lies on' if on_bound(best, bound) else 'not told from'} its bound {bound:g}"
             return _estimate(marginal, sd, (interval68, interval95), "one_sided", reason)
