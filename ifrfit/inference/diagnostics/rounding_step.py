@@ -11,7 +11,7 @@ from ifrfit.inference.model.noise import in_steps, resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 
-_ACCIDENT = 0.01  # chance that readings of the last decimal are all multiples, below which it is none
+_ACCIDENT = 0.05  # chance that readings of the last decimal are all multiples, below which it is none
 _FEW = 256  # values that are looked at before all are
 _MOST_STEPS = 2.0**53  # whole numbers that a float tells apart
 
