@@ -258,8 +258,9 @@ def _chance_to_agree(problem: Problem, sigma: Array) -> Array:
     for name in problem.rows.names:
         own = problem.rows.rows_of(name)
         of_all = step_of_readings(problem, own)
-        for number in np.unique(problem.rows.series[own]):  # an instrument may be one of a series
-            part = own[problem.rows.series[own] == number]
+        order = own[np.argsort(problem.rows.series[own], kind="stable")]
+        # an instrument may be one of a series
+        for part in np.split(order, np.flatnonzero(np.diff(problem.rows.series[order])) + 1):
             step = max(of_all, step_of_readings(problem, part))
             chance[part] = np.minimum(1.0, step / (2.0 * math.sqrt(math.pi) * sigma[part]))
     return chance

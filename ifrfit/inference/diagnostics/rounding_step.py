@@ -43,9 +43,10 @@ def rounding_step(value: Array, setting: Sequence[Array], series: Index) -> floa
         return decimal
     different = np.unique(numbered(*setting, value), return_index=True)[1]
     value, series = value[different], series[different]
-    telling = different.size
-    for number in np.unique(series):
-        telling -= int(np.unique(value[series == number], return_counts=True)[1].max())
+    _, first, count = np.unique(numbered(series, value), return_index=True, return_counts=True)
+    most_frequent = np.zeros(series.max() + 1, dtype=np.intp)
+    np.maximum.at(most_frequent, series[first], count)
+    telling = different.size - int(most_frequent.sum())
     return multiple * decimal if -telling * math.log(multiple) < math.log(_ACCIDENT) else decimal
 
 
