@@ -24,7 +24,7 @@ KEPT = 4096  # different impacts
 _SPARE = 4  # a guess of how many rows there are may be so many times too large
 _NOWHERE = np.uint64(2**64 - 1)
 _FIRST, _AGAIN, _COUNT = range(3)
-_SETTING = 3  # columns of an impact before its values: angle and spins
+SETTING = 3  # columns of an impact before its values: angle and spins
 # odd multipliers of splitmix64 (Steele, Lea & Flood 2014, OOPSLA, 453)
 _MIX_A, _MIX_B, _MIX_C = (
     np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
@@ -137,11 +137,11 @@ class CopiedRows:
 
     def settings(self) -> Index:
         """Number of the setting (angle and spins) of each impact, (k,)."""
-        return np.unique(_mixed(self.impacts[:_SETTING]), return_inverse=True)[1].reshape(-1)
+        return np.unique(_mixed(self.impacts[:SETTING]), return_inverse=True)[1].reshape(-1)
 
     def values(self) -> Array:
         """(observables, k)."""
-        return self.impacts[_SETTING:]
+        return self.impacts[SETTING:]
 
     def places(self, most: int) -> list[tuple[int, int]]:
         """Where the first copies stand, and the rows that they are those of."""

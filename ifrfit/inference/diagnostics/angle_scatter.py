@@ -29,8 +29,9 @@ from ifrfit.inference.diagnostics.rival_scatter import (
     fall_of_outliers,
 )
 from ifrfit.inference.diagnostics.rounded_angles import rounding_errors, step_of_angles
+from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
-from ifrfit.inference.model.noise import NoiseModel, resolution
+from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_sigma, refit
@@ -239,7 +240,7 @@ def _fact(
 def _rounds(problem: Problem, fit: LeastSquaresFit, noise: Array) -> bool:
     """Whether readings that scatter by less than their last decimal are left next to no noise."""
     for rows in problem.groups().values():
-        step = resolution(problem.rows.value[rows])
+        step = step_of_readings(problem, rows)
         scatter, left = (float(np.sqrt((each[rows] ** 2).mean())) for each in (fit.sigma, noise))
         if scatter < step and left < _LEAST * scatter:
             return True

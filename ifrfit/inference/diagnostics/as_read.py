@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.model.noise import resolution
+from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -61,7 +61,7 @@ def as_read(problem: Problem, found: LeastSquaresFit) -> Iterator[Readings]:
     fitted, value, speed = problem.predict(found.optimum.theta), problem.rows.value, problem.speeds
     for name in problem.rows.names:
         own = problem.rows.rows_of(name)
-        step = resolution(value[own])
+        step = step_of_readings(problem, own)
         yield Readings(name, name, own, value[own], fitted[own], found.sigma[own], step)
         own = own[np.isfinite(speed[own])]
         if name in _PER_SPEED and own.size and np.ptp(speed[own]) > 0.0:

@@ -11,6 +11,7 @@ from scipy import special
 from ifrfit.data.observations import word_of
 from ifrfit.inference.diagnostics.as_read import as_read
 from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.rounding_step import numbered, step_of_readings
 from ifrfit.inference.diagnostics.thresholds import FACTS, FEWEST_ALIKE, REFUTED
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
@@ -173,26 +174,28 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     rows, i = problem.rows, problem.rows.incidence
     chance = _chance_to_agree(problem, found.sigma)
     speed = np.nan_to_num(problem.speeds, nan=-1.0)
-    key = _numbered(rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed)
+    key = numbered(rows.which, rows.gamma_deg, i.spin_x, i.spin_y, speed)
     order = np.lexsort((key, rows.impacts))
     count = np.bincount(rows.impacts)[rows.impacts[order]]
     expected, pairs, beside = 0.0, 0, 0.0
     copies: list[tuple[int, int]] = []
     for size in np.unique(count).tolist():
         own = order[count == size].reshape(-1, size)  # rows of each impact, in the same order of all
-        setting = _numbered(*key[own].T)
+        setting = numbered(*key[own].T)
         own, setting = _several(own, setting)
-        if size == 1 and _numbered(setting, rows.value[own[:, 0]]).max(initial=-1) > setting.max(initial=-1):
+        if size == 1 and numbered(setting, rows.value[own[:, 0]]).max(initial=-1) > setting.max(initial=-1):
             # single readings, repeated: steps of an instrument may be coarser than the last decimal
             series = rows.series[own[:, 0]]
-            own, setting = _several(own, _numbered(setting, _place(_numbered(setting, series))))
+            own, setting = _several(own, numbered(setting, _place(numbered(setting, series))))
             chance = np.maximum(chance, _share_alike(problem))
         if not len(own):
             continue
-        _, first, among = np.unique(setting, return_index=True, return_counts=True)
-        expected += float((0.5 * among * (among - 1)) @ chance[own[first]].prod(axis=1))
+        group = numbered(setting)
+        among = np.bincount(group)
+        alike_by_chance = np.bincount(group, chance[own].prod(axis=1)) / among
+        expected += float((0.5 * among * (among - 1)) @ alike_by_chance)
         _, once, alike = np.unique(
-            _numbered(setting, *rows.value[own].T), return_index=True, return_inverse=True
+            numbered(setting, *rows.value[own].T), return_index=True, return_inverse=True
         )
         equal = np.bincount(alike)
         pairs += int((equal * (equal - 1) // 2).sum())
@@ -204,15 +207,6 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     if p >= REFUTED or pairs < AS_MANY * expected:
         return None
     return _doubled(problem, sorted(copies, key=lambda pair: pair[1]), p)
-
-
-def _numbered(*columns: Array | Index) -> Index:
-    """Rows of several columns as one number, from 0: rows of one number are alike in all."""
-    number = np.zeros(columns[0].size, dtype=np.intp)
-    for column in columns:
-        _, own = np.unique(column, return_inverse=True)
-        _, number = np.unique(number * (own.max(initial=0) + 1) + own, return_inverse=True)
-    return number
 
 
 def _several(own: Index, setting: Index) -> tuple[Index, Index]:
@@ -238,11 +232,11 @@ def _pairs_beside(problem: Problem, own: Index, setting: Index) -> float:
     values = problem.rows.value[own]
     most = 0.0
     for column in range(values.shape[1]):
-        step = resolution(values[:, column])
+        step = step_of_readings(problem, own[:, column])
         ranks = np.rint(values[:, column] / step)
         others = np.delete(values, column, axis=1)
-        rest = _numbered(setting, *others.T)
-        key = _numbered(np.tile(rest, 2), np.concatenate((ranks, ranks + 1.0)))
+        rest = numbered(setting, *others.T)
+        key = numbered(np.tile(rest, 2), np.concatenate((ranks, ranks + 1.0)))
         here, below = np.bincount(key[: len(own)], minlength=key.max() + 1), np.bincount(key[len(own) :])
         most = max(most, float(here[: below.size] @ below))
     return 0.5 * most
@@ -263,8 +257,12 @@ def _chance_to_agree(problem: Problem, sigma: Array) -> Array:
     chance = np.empty(sigma.size)
     for name in problem.rows.names:
         own = problem.rows.rows_of(name)
-        step = resolution(problem.rows.value[own])
-        chance[own] = np.minimum(1.0, step / (2.0 * math.sqrt(math.pi) * sigma[own]))
+        of_all = step_of_readings(problem, own)
+        order = own[np.argsort(problem.rows.series[own], kind="stable")]
+        # an instrument may be one of a series
+        for part in np.split(order, np.flatnonzero(np.diff(problem.rows.series[order])) + 1):
+            step = max(of_all, step_of_readings(problem, part))
+            chance[part] = np.minimum(1.0, step / (2.0 * math.sqrt(math.pi) * sigma[part]))
     return chance
 
 

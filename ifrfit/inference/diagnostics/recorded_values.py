@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import (
     COARSE,
@@ -33,7 +34,6 @@ from ifrfit.inference.diagnostics.thresholds import (
     TIMES_GIVEN,
     TOO_NARROW,
 )
-from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -126,14 +126,14 @@ def rounded_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 def is_coarse(problem: Problem, found: LeastSquaresFit) -> bool:
     """Whether any observable scatters by less than a step of its readings: they fall into few cells."""
     every = (problem.rows.rows_of(name) for name in problem.rows.names)
-    return any(_rms(found.sigma[own]) < resolution(problem.rows.value[own]) for own in every if own.size)
+    return any(_rms(found.sigma[own]) < step_of_readings(problem, own) for own in every if own.size)
 
 
 def _plateaus(problem: Problem, found: LeastSquaresFit) -> Iterator[_Plateau]:
     fitted, value = problem.predict(found.optimum.theta), problem.rows.value
     for name in problem.rows.names:
         own = problem.rows.rows_of(name)
-        step = resolution(value[own])
+        step = step_of_readings(problem, own)
         if _rms(found.sigma[own]) >= COARSE * step:
             continue
         level = np.round(fitted[own] / (_ONE_VALUE * step))
@@ -247,11 +247,11 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
         sigma = Misfit(found.sigma, groups).sigma(value - fitted)
         z = (value - fitted)[own] / sigma[own]
         for sign, given in ((1.0, False), (-1.0, False), (1.0, True)):
-            end = sign * float((sign * value[own]).max()) + sign * 0.5 * resolution(value[own])
+            end = sign * float((sign * value[own]).max()) + sign * 0.5 * step_of_readings(problem, own)
             if given:  # readings of e_n above 1 are those that one discards
-                if name != "e_n" or end > 1.0 + resolution(value[own]):
+                if name != "e_n" or end > 1.0 + step_of_readings(problem, own):
                     continue
-                end = 1.0 + 0.5 * resolution(value[own])
+                end = 1.0 + 0.5 * step_of_readings(problem, own)
             alpha = sign * (end - fitted[own]) / sigma[own]
             if float(special.log_ndtr(alpha).sum()) >= math.log(_SUSPICIOUS):
                 continue

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.data.stream.copied_rows import CopiedRows
+from ifrfit.data.stream.copied_rows import SETTING, CopiedRows
 from ifrfit.data.stream.row_places import places_of
 from ifrfit.inference.diagnostics.copied_readings import AS_MANY
+from ifrfit.inference.diagnostics.rounding_step import rounding_step
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -109,11 +110,14 @@ def _chance(of: Accumulated, copies: CopiedRows, problem: Problem, fit: LeastSqu
     names = of.stream.observables
     table = problem.observations.table["observable"].to_numpy(dtype=object)
     for number, (name, values) in enumerate(zip(names, copies.values(), strict=True)):
-        value = values[~np.isnan(values)]
+        read = ~np.isnan(values)
+        value = values[read]
         rows = np.flatnonzero(table == name)
         if value.size < 2 or not rows.size:
             continue
+        setting, series = copies.impacts[:SETTING, read], np.zeros(value.size, dtype=np.intp)
         step = min(known.last_decimal for known in of.groups[number :: len(names)])
+        step = max(step, rounding_step(value, list(setting), series))
         sigma = problem.noise.per_measurement(fit.sigma, rows)
         each = np.unique(value, return_counts=True)[1].astype(float)
         of_any = float((each * (each - 1.0)).sum()) / (value.size * (value.size - 1.0))

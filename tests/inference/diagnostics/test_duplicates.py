@@ -9,7 +9,9 @@ from factories import at_most, table_file
 from slips_scenes import Cause, Scene, experiment
 
 import ifrfit
+from ifrfit.inference.diagnostics.rounding_step import rounding_step
 from ifrfit.inference.fit import fit
+from ifrfit.inference.model.noise import resolution
 from ifrfit.physics import rebound
 
 GAMMA = np.repeat(np.linspace(10.0, 70.0, 7), 6)
@@ -227,3 +229,83 @@ def test_a_noise_that_differs_makes_no_copies(spread):
 
 def test_copies_beside_a_noise_that_differs_are_found():
     assert not ifrfit.fit(readings(0.3, copied=10), method="lsq").facts["duplicates"].ok
+
+
+def _in_steps(seed, steps, noise, *, series=3, copied=0):
+    """Tables of 15 angles that are set, one for each series, in steps that are no decimals."""
+    rng = np.random.default_rng(seed)
+    gamma = np.linspace(10.0, 80.0, 15)
+    state = rebound(gamma, e_n=0.8, e_t=-0.8, mu=0.16, degrees=True)
+    delta = np.degrees(np.arctan2(state.v_x, state.v_n))
+    values = {"beta": state.beta, "e_n": np.full(gamma.size, 0.8), "delta_deg": delta}
+    tables = {}
+    for number in range(series):
+        read = {
+            name: np.round(np.round((values[name] + noise[name] * rng.standard_normal(15)) / step) * step, 6)
+            for name, step in steps.items()
+        }
+        tables["ABCDEF"[number]] = pd.DataFrame({"gamma_deg": gamma} | read)
+    if copied:
+        tables["B"] = pd.concat([tables["A"][:copied], tables["B"][copied:]])
+    return tables
+
+
+STEPS = [
+    ({"beta": 0.005, "e_n": 0.005}, {"beta": 0.01, "e_n": 0.01}),
+    ({"beta": 0.0025, "e_n": 0.0025}, {"beta": 0.005, "e_n": 0.005}),
+    ({"beta": 0.02, "e_n": 0.02}, {"beta": 0.02, "e_n": 0.02}),
+    ({"delta_deg": 0.5, "e_n": 0.02}, {"delta_deg": 0.4, "e_n": 0.012}),
+]
+
+
+@pytest.mark.parametrize(("steps", "noise"), STEPS)
+@pytest.mark.parametrize("seeds", [12, pytest.param(150, marks=pytest.mark.long)])
+def test_readings_in_steps_of_a_scale_are_no_copies(steps, noise, seeds):
+    """Steps of 2, 2.5 or 5 of the last decimal: they agree more often than those of the decimal would."""
+    alarms = [
+        "duplicates" in fit(_in_steps(seed, steps, noise, series=6), method="lsq").facts
+        for seed in range(seeds)
+    ]
+    assert sum(alarms) <= at_most(seeds, 0.001)
+
+
+@pytest.mark.parametrize(("steps", "noise"), STEPS)
+def test_copies_in_steps_of_a_scale_are_named(steps, noise):
+    """13 of 15 rows of B: 1 to 5 pairs are expected in two series, by step/(2 sqrt(pi) sigma) squared."""
+    fact = fit(_in_steps(1, steps, noise, series=2, copied=13), method="lsq").facts["duplicates"]
+    assert fact.figures["n"] >= 13
+    assert "impacts of B are those of A" in fact.says
+
+
+@pytest.mark.parametrize(
+    ("value", "step"),
+    [
+        (0.005 * np.arange(160, 172), 0.005),
+        (0.0025 * np.arange(160, 172), 0.0025),
+        (0.02 * np.arange(-3, 9), 0.02),
+        (0.5 * np.arange(20, 30), 0.5),
+        (20.0 * np.arange(7), 20.0),
+        (0.001 * np.arange(800, 812), 0.001),
+        (np.array([0.8, 0.85]), 0.01),  # one that is not the most frequent: by chance in 1 of 5
+        (0.02 * np.array([40, 41, 42, 43, 44]), 0.01),  # four: in 1 of 16
+        (np.zeros(9), 1.0),
+        (np.array([0.8] * 20 + [0.85] * 20), 0.01),  # of one setting: they may be copies
+        (np.random.default_rng(1).standard_normal(20), 1e-6),
+        (1e300 * np.array([1.0, 2.0, 3.0]), 1.0),
+    ],
+)
+def test_the_step_is_the_largest_that_chance_does_not_explain(value, step):
+    setting = [np.zeros(value.size)]
+    assert rounding_step(value, setting, np.zeros(value.size, dtype=np.intp)) == pytest.approx(step)
+
+
+def test_chance_of_a_step_is_at_most_what_is_said():
+    """Readings of two decimals about one value, by how they scatter: multiples of 2 or 5 by accident."""
+    rng = np.random.default_rng(0)
+    for scatter in (0.003, 0.01, 0.03, 0.1):
+        value = np.round(0.9 + 0.01 * rng.random((2000, 1)) + scatter * rng.standard_normal((2000, 8)), 2)
+        wrong = 0
+        for each in value:
+            known = rounding_step(each, [np.arange(8.0)], np.zeros(8, dtype=np.intp))
+            wrong += known > 1.01 * resolution(each)
+        assert wrong <= at_most(2000, 0.05), scatter

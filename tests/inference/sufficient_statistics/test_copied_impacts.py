@@ -96,6 +96,22 @@ def test_readings_that_are_rounded_are_no_copies(tmp_path, few, angle, value):
     assert "duplicates" not in found.facts or "copies of others" not in found.facts["duplicates"].says
 
 
+@pytest.mark.parametrize(("step", "angle", "copied"), [(0.05, 1, False), (0.005, 1, False), (0.005, 2, True)])
+def test_steps_of_a_scale_are_no_copies(tmp_path, few, step, angle, copied):
+    """Steps of 5 of the last decimal, at angles of few decimals; or three quarters of them twice."""
+    rng = np.random.default_rng(3)
+    gamma = rng.uniform(1.0, 88.0, 6000).round(angle)
+    state = ifrfit.rebound(gamma, degrees=True, e_n=0.9, e_t=-0.7, mu=0.15)
+    read = state.beta + 0.02 * rng.standard_normal(6000)
+    table = pd.DataFrame(
+        {"gamma_deg": gamma, "beta": np.round(np.round(read / step) * step, 3), "sigma_beta": 0.025}
+    )
+    every = pd.concat([table, table[: 4500 * copied]], ignore_index=True)
+    found = ifrfit.fit(folder_of(tmp_path / "log", every), method="lsq", fix={"e_n": 0.9})
+    told = "duplicates" in found.facts and "copies of others" in found.facts["duplicates"].says
+    assert told == copied
+
+
 def departures(tmp_path, every, scene):
     """p of the means of clean tables in which some impacts stand several times."""
     found = []

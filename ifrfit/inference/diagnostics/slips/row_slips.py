@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.alternatives import SPEEDS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, starts
 from ifrfit.inference.diagnostics.thresholds import REFUTED
-from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -224,7 +224,7 @@ def missing_values(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
         repeated[1:-1] = False
         if given.size > 1:  # the neighbour of another reading by one step of these readings is a reading, too
             # and what is as close to the next one as these are to one another is an end of theirs
-            usual = max(_NEIGHBOUR * resolution(problem.rows.value[own]), _USUAL * np.median(np.diff(given)))
+            usual = max(_NEIGHBOUR * step_of_readings(problem, own), _USUAL * np.median(np.diff(given)))
             repeated[[0, -1]] &= np.diff(given)[[0, -1]] > usual
         for code in given[(given == 0.0) | repeated].tolist():
             at = own[problem.rows.value[own] == code]
@@ -255,7 +255,7 @@ def _far_from_rest(
     theta, left = refitted(part, misfit, start)
     sigma = misfit.sigma(left)[rows.which[kept] == rows.names.index(name)]
     # readings scatter by their rounding at least
-    floor = resolution(rows.value[own]) / math.sqrt(12.0)
+    floor = step_of_readings(problem, own) / math.sqrt(12.0)
     z = problem.residual(theta)[at] / max(float(np.sqrt((sigma**2).mean())), floor)
     dof = max(sigma.size - theta.size, 1)
     far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
