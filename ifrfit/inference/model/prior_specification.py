@@ -41,7 +41,7 @@ def make_parameters(
     for option, names in chosen:
         for name in names:
             if name not in closure.constants:
-                if quantity_of(name) != name and quantity_of(name) in closure.constants:
+                if "[" in str(name) and quantity_of(name) in closure.constants:
                     raise UsageError(_of_one_series(option, name))
                 raise UsageError(
                     f"--{option} {name}: closure {closure.title} has no such constant. "
