@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -124,6 +125,9 @@ def import_figure(
     typer.echo(f"{out}: {', '.join(words)}")
     for note in found.notes:
         typer.echo(f"  note  {note}")
+    if tracks:
+        # a velocity that is wrong by chance turns the angle and the spin before impact, too
+        typer.echo(f"go on with: {shlex.join(['ifrfit', 'fit', str(out), '--angle-errors', 'effective'])}")
 
 
 def _read(

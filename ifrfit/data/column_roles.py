@@ -95,7 +95,16 @@ def _roles(cells: Cells, conventions: Conventions) -> dict[int, Role]:
     """Return what each column holds, by index, without those that are passed over."""
     passed = conventions.ignores(cells.headers)
     roles = {i: _role(h, conventions) for i, h in enumerate(cells.headers) if h not in passed}
-    return {i: role for i, role in roles.items() if role.kind != "ignored"}
+    found = {i: role for i, role in roles.items() if role.kind != "ignored"}
+    return {i: role for i, role in found.items() if role.kind != "unknown" or not _is_counter(cells, i)}
+
+
+def _is_counter(cells: Cells, index: int) -> bool:
+    """Whether a column is the one that reset_index of pandas makes of row numbers: index, 0 to n - 1."""
+    column = cells.columns[index]
+    if not (cells.in_memory and cells.headers[index] == "index" and isinstance(column, np.ndarray)):
+        return False
+    return bool(np.array_equal(column, np.arange(column.size)))
 
 
 def _is_angle(role: Role) -> bool:
@@ -411,6 +420,8 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
             raise DataError(f"{text}name it, {named}, or leave it out, {aside}.")
         if near is None and _is_label(cells, first):
             text += f"If it says which rows belong together, it is the series: {_as_series(first)}. "
+        if first == "index" and cells.in_memory:
+            text += "If reset_index made it, say reset_index(drop=True). "
         raise DataError(f"{text}Rename it, say what it holds, {named}, or leave it out, {aside}.")
     shown = ", ".join(unknown[:_SHOWN])
     more = len(unknown) - _SHOWN

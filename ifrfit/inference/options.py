@@ -188,9 +188,13 @@ class Model(Options):
         if self.prior_from is None:
             return ()
         from ifrfit.data.materials import find_pair
+        from ifrfit.physics.closures import get_closure
 
         pair = find_pair(self.prior_from)
-        taken = {name: both for name, both in pair.values.items() if name not in (*self.fix, *self.prior)}
+        used = self._published(get_closure(self.closure).constants)
+        taken = {name: both for name, both in pair.values.items() if name in used}
+        if not taken:
+            return ()
         words = ", ".join(f"{name} {value:g} +- {error:g}" for name, (value, error) in taken.items())
         return (
             f"priors published for {pair.name} ({pair.geometry}, {pair.source}) of the constants that the "

@@ -27,6 +27,10 @@ def test_impacts_of_tracks_are_read_and_fitted(cli, tracks):
     assert (said.returncode, said.stderr) == (0, "")
     assert said.stdout.startswith("data.csv: 6 impacts of tracks\n")
     assert "positions are wrong by " in said.stdout
+    go_on = "go on with: ifrfit "
+    last = said.stdout.splitlines()[-1]
+    assert last == f"{go_on}fit data.csv --angle-errors effective"
+    assert cli(*last.removeprefix(go_on).split(), "--observable", "v_n").returncode == 0
     found, direct = ifrfit.read("data.csv"), ifrfit.read_tracks(tracks, pixel="0.1mm", radius="20mm")
     columns = ["gamma_deg", "value", "sigma", "sigma_gamma_deg", "speed_m_s", "spin_y"]
     np.testing.assert_allclose(found.table[columns], direct.table[columns], rtol=1e-8)

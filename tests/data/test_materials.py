@@ -71,6 +71,13 @@ def test_a_prior_is_named_in_the_result(place, tmp_path):
     assert pair in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
+def test_constants_that_the_closure_lacks_are_not_named(place):
+    fit = ifrfit.fit("cornell-glass", prior_from="soda-lime glass/smooth aluminium", method="lsq")
+    said = next(text for text in fit.assumed if text.startswith("priors published"))
+    assert "mu 0.125 +- 0.007" in said
+    assert "beta0" not in said
+
+
 def test_a_prior_is_the_same_as_when_it_is_typed(place):
     found = ifrfit.fit("cornell-glass", prior_from="soda-lime glass/smooth aluminium", method="lsq")
     typed = ifrfit.fit("cornell-glass", prior={"e_n": (0.831, 0.009), "mu": (0.125, 0.007)}, method="lsq")

@@ -244,3 +244,11 @@ def test_names_of_tables_are_those_of_their_series_whatever_they_hold():
     found = ifrfit.read(tables)
     assert list(found.table["series"].unique()) == names
     assert [source.name for source in found.sources] == names
+
+
+def test_the_counter_of_reset_index_is_left_out():
+    frame = pd.DataFrame({"gamma_deg": [10.0, 30.0, 60.0], "beta": [0.4, 0.35, -0.1]})
+    found = ifrfit.read(frame.reset_index())
+    np.testing.assert_array_equal(found.table["value"], frame["beta"])
+    with pytest.raises(DataError, match=r"say reset_index\(drop=True\)"):
+        ifrfit.read(frame[1:].reset_index())

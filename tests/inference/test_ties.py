@@ -327,3 +327,16 @@ def test_intervals_of_least_squares_say_when_they_reach_beyond_the_domain_of_ano
     inside = ifrfit.fit(beta, tie={"e_t": "-1 + 1.15*mu"}, method="lsq")
     assert inside.constants.e_n.status == "determined"
     assert not any(says in each for each in inside.warnings)
+
+
+def test_a_constant_of_one_series_is_fitted_alone():
+    """What the sentences about a constant in one series name works, and what they do not is refused."""
+    both = {"brass": ONE, "glass": TWO}
+    for option, value in (("fix", 0.95), ("prior", (0.9, 0.1)), ("bounds", (0.8, 1.0))):
+        with pytest.raises(
+            UsageError, match=f"{option} is of a constant in all series. Name e_n, or fit brass on"
+        ):
+            ifrfit.fit(both, method="lsq", **{option: {"e_n[brass]": value}})
+    with pytest.raises(UsageError, match=r'Use fix={"e_n": ...}, which is of all series.*series="brass"'):
+        ifrfit.fit(both, method="lsq", separate="e_n", tie={"e_n[brass]": "0.95"})
+    assert ifrfit.fit(both, method="lsq", series="brass", fix={"e_n": 0.95}).constants.e_n.value == 0.95

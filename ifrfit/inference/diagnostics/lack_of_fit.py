@@ -14,6 +14,7 @@ from ifrfit.inference.diagnostics.quadratic_forms import Array, smooth_departure
 from ifrfit.inference.diagnostics.repeats import few_settings, repeated
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.diagnostics.uncounted_uncertainties import remedy_of_uncounted
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, fitted_constants, refit
@@ -94,6 +95,7 @@ def lack_of_fit(
         f"the misfit sits {where}: {signs}"
         f"{_oblique_remedy(problem, fit) if near_normal and remedy and problem.closure.bilinear else ''}"
         f"{few_settings(problem, fit, r) if test == 'pure error' and remedy else ''}"
+        f"{remedy_of_uncounted(problem) if test == 'chi2' and remedy else ''}"
     )
     return Fact(False, says, figures, rule)
 

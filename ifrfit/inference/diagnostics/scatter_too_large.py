@@ -18,6 +18,7 @@ from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfi
 from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_level
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
+from ifrfit.inference.diagnostics.uncounted_uncertainties import remedy_of_uncounted
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
@@ -122,7 +123,7 @@ def scatter_too_large(
     says = (
         f"{which} scatter {times_text(factor)} times more than their sigma, without a trend (chi2 = "
         f"{squares:.3g} for {own_dof:.0f} degrees of freedom, p = {p_text(p_chi2)}; trend: p = {p_text(p)}): "
-        f"{why}{remedy}"
+        f"{why}{remedy_of_uncounted(problem)}{remedy}"
     )
     figures = {"p": p_chi2, "chi2": squares, "dof": own_dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)

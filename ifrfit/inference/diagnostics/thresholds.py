@@ -139,7 +139,8 @@ FACTS = {
     ),
     "sigma_of_few": "stands only where it fails: the logarithms of sigmas that are used as given, by the "
     f"angle in each observable of each series, bend by {ROUGH_SIGMA:g} or more (median of {FEWEST_BENDS} "
-    "second differences or more, as standard deviation), as those of five readings or fewer do",
+    "second differences or more, as standard deviation), as those of five readings or fewer do; less what "
+    "the speed and the slip, cosine, sine or value of each row explain, where that is half the mean square",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma, "
     "of all rows, of one observable, or of some of several series where the rest scatters twice as much "
     "(times their number); in percent where a hundredth of it leaves "

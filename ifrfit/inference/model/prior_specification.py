@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Collection, Iterable, Mapping
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.model.parameters import PRIOR_MU, Parameter
 from ifrfit.inference.model.prior_laws import Normal, PriorLaw, ShapedLaw
 from ifrfit.physics.closure import Closure
@@ -40,6 +41,8 @@ def make_parameters(
     for option, names in chosen:
         for name in names:
             if name not in closure.constants:
+                if "[" in str(name) and quantity_of(name) in closure.constants:
+                    raise UsageError(_of_one_series(option, name))
                 raise UsageError(
                     f"--{option} {name}: closure {closure.title} has no such constant. "
                     f"It has {', '.join(closure.constants)}.{meant(name, closure.constants)}"
@@ -74,6 +77,15 @@ def make_parameters(
         ties = tuple((entry, text) for entry, text in (tie or {}).items() if quantity_of(entry) == name)
         made.append(Parameter(name, lower, upper, fixed, moments, name in separate, passive, shape, ties))
     return tuple(made)
+
+
+def _of_one_series(option: str, name: str) -> str:
+    """Why an option about a constant in one series is refused."""
+    quantity, label = split_name(name)
+    return (
+        f"--{option} {name}: --{option} is of a constant in all series. Name {quantity}, or fit {label} "
+        f"on its own, --series {shlex.quote(label)}."
+    )
 
 
 def _law_of(name: str, prior: Mapping[str, tuple[float, float] | PriorLaw]) -> PriorLaw | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import itertools
+import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.text import joined, meant
 
 Array = NDArray[np.float64]
@@ -90,7 +91,7 @@ class Ties:
                 )
             used = names_in(name, text, self.names)
             if not used:
-                raise UsageError(f"--tie '{name}={text}': names no other constant. Use --fix {name}=VALUE.")
+                raise UsageError(f"--tie '{name}={text}': names no other constant. {_instead(name)}")
             for option, others in (("fix", fixed), ("prior", with_prior)):
                 if name in others:
                     raise UsageError(
@@ -141,6 +142,17 @@ class Ties:
         moved[places.size + np.arange(places.size), places] -= steps
         up, down = np.split(self.applied(moved), 2) if places.size else (moved, moved)
         return np.asarray(((up - down) / (2.0 * steps[:, None])).T)
+
+
+def _instead(name: str) -> str:
+    """What gives a constant a value, in the place of a tie to a number."""
+    quantity, label = split_name(name)
+    if not label:
+        return f"Use --fix {name}=VALUE."
+    return (
+        f"Use --fix {quantity}=VALUE, which is of all series; for {label} alone, fit it on its own, "
+        f"--series {shlex.quote(label)}."
+    )
 
 
 def names_in(name: str, text: str, names: Sequence[str]) -> tuple[str, ...]:

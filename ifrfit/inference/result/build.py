@@ -35,6 +35,7 @@ from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts, subo
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
+from ifrfit.inference.diagnostics.uncounted_uncertainties import uncounted_uncertainties
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
@@ -463,13 +464,8 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
             f"Tied: {', '.join(each)}. The optimum is the best of many starts, not proven; slips, outliers, "
             "effects, sharing, profiles and other closures are not looked for beside ties."
         )
-    rows = problem.rows
-    ignored = [
-        problem.observations.called(column)
-        for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
-        if (getattr(rows, column) > 0.0).any()
-    ]
-    if ignored and problem.error_model.angles == "none":
+    ignored = uncounted_uncertainties(problem)
+    if ignored:
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
     if not problem.error_model.is_plain:
         said.append(

@@ -7,6 +7,8 @@ import pytest
 from factories import rest_long, table_file
 
 from ifrfit import compare, fit
+from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
+from ifrfit.inference.diagnostics.residuals import residuals_of
 from ifrfit.physics import rebound
 
 
@@ -68,3 +70,16 @@ def test_a_few_repeats_do_not_judge_all_other_rows(tmp_path):
     rocks = fit("wang-2018-limestone", method="lsq").facts["lack_of_fit"]
     assert not rocks.ok
     assert rocks.figures["p"] < 1e-6
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.5])
+def test_uncertainties_of_angles_that_are_not_counted_are_a_remedy(tmp_path, stated):
+    gamma = np.linspace(8.0, 80.0, 30)
+    beta = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.9, mu=0.12).beta + np.where(gamma > 60.0, 0.1, 0.0)
+    columns = {"gamma_deg": gamma, "beta": beta, "sigma_beta": np.full(30, 0.02)}
+    columns["sigma_gamma_deg"] = np.full(30, stated)
+    found = fit(table_file(tmp_path / "t.csv", columns, "%.5g"), method="lsq", fix={"e_n": 0.9})
+    fact = lack_of_fit(found.problem, found.least_squares, residuals_of(found.problem, found.least_squares))
+    assert not fact.ok
+    assert ("; the uncertainty of the angle" in fact.says) == (stated > 0.0)
+    assert fact.says.endswith("try --angle-errors effective first, which counts it") == (stated > 0.0)

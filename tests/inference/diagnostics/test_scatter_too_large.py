@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from factories import at_most, impacts_file, rest_long, table_file
 
-from ifrfit import compare, fit
+from ifrfit import compare, fit, read
 from ifrfit.physics import rebound
 from ifrfit.report.sentences import headline
 
@@ -177,3 +177,12 @@ def test_a_sigma_that_is_too_small_beside_readings_without_one(tmp_path):
     assert all(fact.says.startswith("the values of v_x and v_n scatter ") for fact in named)
     assert np.mean([fact.figures["factor"] for fact in named]) == pytest.approx(3.3, rel=0.1)
     assert any("multiply it by 3" in fact.says and "--noise unknown" in fact.says for fact in named)
+
+
+def test_uncertainties_of_angles_that_are_not_counted_are_named_first(tmp_path):
+    path = _table(tmp_path / "t.csv", 1, 0.5)
+    plain = fit(path, method="lsq").facts["scatter_too_large"].says
+    assert "--angle-errors" not in plain
+    table = read(path).table.assign(sigma_gamma_deg=0.5)
+    says = fit(table, method="lsq").facts["scatter_too_large"].says
+    assert "is not counted: try --angle-errors effective first, which counts it; --noise scaled" in says
