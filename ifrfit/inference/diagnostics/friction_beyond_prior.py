@@ -17,7 +17,7 @@ from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined
 
-ROOM = 1.2  # times the best friction, to which a prior should reach
+_ROOM = 1.2  # times the best friction, to which a prior should reach
 _COST_OF_CONSTANT = 2.0  # in AIC
 
 
@@ -40,7 +40,7 @@ class BeyondPrior:
     @property
     def room(self) -> float:
         """Where a prior should end; infinite where the optimum is a friction of no contact."""
-        farthest = ROOM * max(self.optimum.values())
+        farthest = _ROOM * max(self.optimum.values())
         return math.inf if farthest > FRICTION_OF_NO_CONTACT else float(math.ceil(farthest))
 
     @property

@@ -78,9 +78,9 @@ class _Found:
 def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
     """Test whether errors of two series go together, impact by impact.
 
-    Impacts of two series or files are paired by their incidence, one to one: those that are nearest to each
-    other, within 3 degrees (6 % of the speed, spins of 0.06), and, as readings of an angle may cross, those
-    in the same place of two tables of one length. For each observable the residual of one series is regressed
+    Impacts of two series or files are paired one to one: those in the same place of two tables of one length,
+    as readings of an angle may cross, where nine in ten of these lie within 3 degrees (6 % of the speed,
+    spins of 0.06); else those whose incidence is nearest to each other, within as much. For each observable the residual of one series is regressed
     on that of the other; beside it stand the directions of the constants in each series, a natural spline in
     tau, and the mean residual of the four neighbours along the angle in the other series: what both miss of
     the law is no error that both share. Where angles are repeated often, means of the angles take the place
