@@ -78,15 +78,15 @@ class _Found:
 def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
     """Test whether errors of two series go together, impact by impact.
 
-    Impacts of two series or files are paired one to one: those in the same place of two tables of one length,
-    as readings of an angle may cross, where nine in ten of these lie within 3 degrees (6 % of the speed,
-    spins of 0.06); else those whose incidence is nearest to each other, within as much. For each observable
-    the residual of one series is regressed on that of the other; beside it stand the directions of the
-    constants in each series, a natural spline in tau, and the mean residual of the four neighbours along the
-    angle in the other series: what both miss of the law is no error that both share. Where angles are repeated often, means of the angles take the place
-    of both. Student's t of the coefficient is exact for independent Gaussian errors of one series, whatever
-    those of the other. Normal scores of several observables are added (Stouffer). p counts times the number
-    of tests.
+    Impacts of two series or files are paired one to one: those in the same place of two tables of one
+    length, as readings of an angle may cross, where nine in ten of these lie within 3 degrees (6 % of the
+    speed, spins of 0.06); else those whose incidence is nearest to each other, within as much. For each
+    observable the residual of one series is regressed on that of the other; beside it stand the
+    directions of the constants in each series, a natural spline in tau, and the mean residual of the four
+    neighbours along the angle in the other series: what both miss of the law is no error that both share.
+    Where angles are repeated often, means of the angles take the place of both. Student's t of the
+    coefficient is exact for independent Gaussian errors of one series, whatever those of the other.
+    Normal scores of several observables are added (Stouffer). p counts times the number of tests.
 
     Not looked at: series of more than 2,000 rows of an observable, more than 200 pairs of series, and fits
     with errors in common that were stated.
