@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 NO_MOTION = 1e-12
 
 # A sigma so far below the median of its observable is a slip: its row would outweigh 1e8 others.
-_TINY_SHARE = 1e-4
+TINY_SHARE = 1e-4
 _FEWEST_SIGMAS = 6  # below, a median says little
 
 _UNDEFINED = {
@@ -172,8 +172,8 @@ def lone_sigmas(sigma: Array) -> tuple[float, float] | None:
         return None
     median = float(np.median(ordered))
     # sigmas that spread over many decades have none that stands alone
-    below = ordered[ordered < _TINY_SHARE * median]
-    if not below.size or ordered[below.size] * _TINY_SHARE <= below[-1]:
+    below = ordered[ordered < TINY_SHARE * median]
+    if not below.size or ordered[below.size] * TINY_SHARE <= below[-1]:
         return None
     return float(below[-1]), median
 
@@ -181,7 +181,7 @@ def lone_sigmas(sigma: Array) -> tuple[float, float] | None:
 def tiny_sigma(observable: str, median: float) -> str:
     """What is said of such an uncertainty, which is to be put in."""
     return (
-        f"{{}} is more than {1.0 / _TINY_SHARE:,.0f} times smaller than the median sigma of {observable}, "
+        f"{{}} is more than {1.0 / TINY_SHARE:,.0f} times smaller than the median sigma of {observable}, "
         f"{median:.3g}: the fit would pass through this value whatever the others say. Correct it."
     )
 

@@ -24,6 +24,11 @@ RATIO = 1e12
 FREE = 1e6
 
 
+def _in_all(value: float, i: Incidence) -> Array:
+    """The same in all impacts: one number, however many they are."""
+    return np.broadcast_to(value, np.shape(i.sine))
+
+
 def _tan_psi(i: Incidence, j: float) -> tuple[Array, Array]:
     tangent = ratio(i.slip_x, i.cosine)
     return tangent, -tangent / rotational_share(j)
@@ -54,7 +59,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="lateral velocity after",
             kind="tangential",
             value=lambda r, mu: r.v_y,
-            linear=lambda i, j: (np.zeros_like(i.sine), -i.slip_y),
+            linear=lambda i, j: (_in_all(0.0, i), -i.slip_y),
             low=-FREE,
             high=FREE,
             takes=frozenset({"Ty"}),
@@ -106,7 +111,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="restitution of the centre",  # -v_x/u_x
             kind="tangential",
             value=lambda r, mu: r.beta_cm,
-            linear=lambda i, j: (-np.ones_like(i.sine), ratio(i.slip_x, i.sine)),
+            linear=lambda i, j: (_in_all(-1.0, i), ratio(i.slip_x, i.sine)),
             low=-RATIO,
             high=RATIO,
             undefined=("normal",),
@@ -121,7 +126,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="normal restitution",  # -v_z/u_z
             kind="normal",
             value=lambda r, mu: r.e_n + 0.0 * r.incidence.sine,
-            by_e_n=lambda i: np.ones_like(i.cosine),
+            by_e_n=lambda i: _in_all(1.0, i),
             low=0.0,
             high=10.0,
             undefined=("grazing",),
@@ -137,7 +142,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="restitution of the contact point",  # -V_t/U_t
             kind="tangential",
             value=lambda r, mu: r.beta,
-            linear=lambda i, j: (-np.ones_like(i.sine), np.full_like(i.sine, 1.0 / rotational_share(j))),
+            linear=lambda i, j: (_in_all(-1.0, i), _in_all(1.0 / rotational_share(j), i)),
             low=-RATIO,
             high=RATIO,
             undefined=("contact",),
@@ -218,7 +223,7 @@ OBSERVABLES: Registry[Observable] = Registry(
             meaning="apparent friction",  # P_x/P_n
             kind="tangential",
             value=lambda r, mu: r.mu_app,
-            linear=lambda i, j: (np.zeros_like(i.sine), ratio(i.slip_x, i.cosine)),
+            linear=lambda i, j: (_in_all(0.0, i), ratio(i.slip_x, i.cosine)),
             scale="impulse",
             low=-RATIO,
             high=RATIO,

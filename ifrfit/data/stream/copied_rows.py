@@ -45,12 +45,15 @@ class CopiedRows:
         Place where an impact stands first, where next, and how often.
     impacts : ndarray, (3 + observables, k)
         Angle, spins, values (nan: not measured).
+    waiting : list of (lots, met, impacts)
+        Further ones, until `tidy` puts them to the others.
     """
 
     below: int
     lots: Bits = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     met: Bits = field(default_factory=lambda: np.empty((3, 0), dtype=np.uint64))
     impacts: Array = field(default_factory=lambda: np.empty((0, 0)))
+    waiting: list[tuple[Bits, Bits, Array]] = field(default_factory=list)
 
     @staticmethod
     def below_of(rows: int) -> int:
@@ -87,19 +90,25 @@ class CopiedRows:
 
     def merge(self, following: CopiedRows) -> None:
         """Add what was counted elsewhere."""
-        if following.lots.size:
-            self._join(following.lots, following.met, following.impacts)
+        for part in following.parts():
+            self._join(*part)
+
+    def parts(self) -> list[tuple[Bits, Bits, Array]]:
+        """All that was counted, in the order of the rows."""
+        known = [(self.lots, self.met, self.impacts)] if self.lots.size else []
+        return known + self.waiting
 
     def _join(self, lots: Bits, met: Bits, impacts: Array) -> None:
-        if self.lots.size:
-            lots = np.concatenate((self.lots, lots))
-            met, impacts = np.hstack((self.met, met)), np.hstack((self.impacts, impacts))
-        self.lots, self.met, self.impacts = lots, met, impacts
-        if lots.size > 8 * KEPT:
+        self.waiting.append((lots, met, impacts))
+        if self.lots.size + sum(each[0].size for each in self.waiting) > 8 * KEPT:
             self.tidy()
 
     def tidy(self) -> None:
         """One entry for each impact, as many as are kept, in the order of the lots."""
+        if self.waiting:
+            lots, met, impacts = zip(*self.parts(), strict=True)
+            self.lots, self.met, self.impacts = np.concatenate(lots), np.hstack(met), np.hstack(impacts)
+            self.waiting = []
         if not self.lots.size:
             return
         content = _mixed(self.impacts)

@@ -173,7 +173,7 @@ class ImpactStream:
         refuse_copies(list(dict.fromkeys(some)))
         stream._refuse_duplicates(files)
         for piece in stream._pieces():
-            for batch in _reading(piece):
+            for batch in _reading(piece, few=True):
                 if batch.num_rows:
                     cells = cells_of(batch, piece.path, 0)
                     layout = identify(cells, conventions, note_open=_left_open)
@@ -561,11 +561,11 @@ def _left_open(header: str, said: str, answered: bool) -> None:
     """What headers leave open is judged by all rows, not by the first."""
 
 
-def _reading(piece: Piece) -> Iterator[pa.RecordBatch]:
-    """The rows of a piece; whatever is wrong with the file is said with its name."""
+def _reading(piece: Piece, *, few: bool = False) -> Iterator[pa.RecordBatch]:
+    """As `table_batches`; whatever is wrong with the file is said with its name."""
     import pyarrow as pa
 
     try:
-        yield from table_batches(piece)
+        yield from table_batches(piece, few=few)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise unreadable(piece.path, error) from None

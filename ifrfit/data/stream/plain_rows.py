@@ -155,6 +155,11 @@ def same_in_all(value: float, n: int, *, whole: bool = False) -> NDArray[Any]:
     return found
 
 
+def in_one_piece(values: Array) -> Array:
+    """An array as loops take it; of one number, which stands for all, it is made once."""
+    return same_in_all(float(values[0]), values.size) if values.size and not values.strides[0] else values
+
+
 def _stands_as_it_is(column: LayoutColumn) -> bool:
     """Whether a column is in the unit and sign of the schema."""
     if column.unit is None:

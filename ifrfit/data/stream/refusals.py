@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import is_number, labels_of
 from ifrfit.data.stream.tally import Tally
 from ifrfit.data.table_folders import same_rows
-from ifrfit.data.validate import SUMMARIES, lone_sigmas, tiny_sigma
+from ifrfit.data.validate import SUMMARIES, TINY_SHARE, lone_sigmas, tiny_sigma
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
@@ -120,18 +120,29 @@ def check_series(path: Path, requested: Sequence[str], met: Sequence[str]) -> No
         )
 
 
-def refuse_tiny_sigmas(path: Path, conventions: Conventions, tally: Tally, sample: Sample) -> None:
+def refuse_tiny_sigmas(
+    path: Path, conventions: Conventions, tally: Tally, sample: Sample, largest: Mapping[str, float]
+) -> None:
     """Refuse an uncertainty so far below those of a sample that its value would outweigh all others.
+
+    Parameters
+    ----------
+    path, conventions, tally, sample
+        Of the stream.
+    largest : mapping of str to float
+        The largest uncertainty of each observable: the sample is not looked at unless one is far below it.
 
     Raises
     ------
     DataError
         With the file, and the remedy.
     """
-    if not (tally.least_sigma and sample.drawn):
+    suspect = [name for name, (least, _) in tally.least_sigma.items() if least < TINY_SHARE * largest[name]]
+    if not (suspect and sample.drawn):
         return
     layout = identify(sample.cells(path), conventions)
-    for name, (least, file) in tally.least_sigma.items():
+    for name in suspect:
+        least, file = tally.least_sigma[name]
         found = lone_sigmas(np.append(layout.sigmas(name), least))
         if found is not None and least <= found[0]:
             raise DataError(f"{file}: {tiny_sigma(name, found[1]).format(f'{least:.6g}')}")

@@ -25,13 +25,15 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _BATCH = 1 << 17
+_FEW = 1 << 12  # rows, by which columns are looked at
+_BUFFER = 1 << 18  # bytes of a column that are read at once: a row group may be longer than memory
 _INDEX = "__index_level_"
 _ROW = re.compile(r"Row #(\d+)")
 
 
-def table_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
-    """The rows of a piece."""
-    return _csv_batches(piece) if is_text(piece.path) else _parquet_batches(piece)
+def table_batches(piece: Piece, *, few: bool = False) -> Iterator[pa.RecordBatch]:
+    """The rows of a piece; a few at a time, if only the first ones are looked at."""
+    return _csv_batches(piece) if is_text(piece.path) else _parquet_batches(piece, _FEW if few else _BATCH)
 
 
 def cells_of(batch: pa.RecordBatch, path: Path, first: int, *, texts: bool = False) -> Cells:
@@ -119,15 +121,16 @@ def rows_like_others(batch: pa.RecordBatch, layout: Layout, at: NDArray[np.intp]
     return pa.RecordBatch.from_arrays(found, names=batch.schema.names)
 
 
-def _parquet_batches(piece: Piece) -> Iterator[pa.RecordBatch]:
-    """Row groups, a column chunk at a time: what is read ahead would be held."""
+def _parquet_batches(piece: Piece, rows: int) -> Iterator[pa.RecordBatch]:
+    """Row groups, some bytes of each column at a time: what is read ahead would be held."""
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(piece.path, pre_buffer=False, page_checksum_verification=True) as file:
+    reading = {"pre_buffer": False, "buffer_size": _BUFFER, "page_checksum_verification": True}
+    with pq.ParquetFile(piece.path, **reading) as file:
         # pandas leaves the numbers of the rows there where some of them were dropped
         columns = [name for name in file.schema_arrow.names if not name.startswith(_INDEX)]
         groups = list(piece.row_groups)
-        yield from file.iter_batches(_BATCH, row_groups=groups, columns=columns, use_threads=False)
+        yield from file.iter_batches(rows, row_groups=groups, columns=columns, use_threads=False)
 
 
 def _csv_batches(piece: Piece) -> Iterator[pa.RecordBatch]:

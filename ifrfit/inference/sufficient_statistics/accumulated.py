@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ifrfit.data.observations import Source
 from ifrfit.data.stream.copied_rows import CopiedRows
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
-from ifrfit.data.stream.plain_rows import same_in_all
+from ifrfit.data.stream.plain_rows import in_one_piece, same_in_all
 from ifrfit.data.stream.row_places import place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.tally import Tally
@@ -150,11 +150,12 @@ class Accumulated:
         if observable.linear is None:
             slope = same_in_all(1.0, at.size)
             if observable.by_e_n is not None:
-                slope = np.asarray(observable.by_e_n(incidence))
+                slope = in_one_piece(observable.by_e_n(incidence))
             self.moments.add_direct(group, sigma, slope, value)
         else:
             # where nothing slips the slope is zero, or the observable has no value
             offset, slope = observable.linear(incidence, self.stream.inertia_factor)
+            offset, slope = map(in_one_piece, (offset, slope))
             self.moments.add_values(group, place, sigma, slope, value, offset, x)
 
     def parted(self, requested: Mask) -> Accumulated:
@@ -267,6 +268,14 @@ class Accumulated:
     def count_of(self, group: int) -> float:
         """Values of a group."""
         return float(self.sums[group, :, N].sum())
+
+    def largest_sigmas(self) -> dict[str, float]:
+        """The largest uncertainty of each observable; 0 where none is used."""
+        names = self.stream.observables
+        return {
+            name: max((known.largest_sigma for known in self.groups[k :: len(names)]), default=0.0)
+            for k, name in enumerate(names)
+        }
 
     def question(self) -> bytes:
         """See `ifrfit.inference.sufficient_statistics.unfinished_pass.Part`."""

@@ -49,10 +49,10 @@ def solve_condensed(questions: Sequence[Question], reader: Reader) -> list[Solve
         none = np.zeros((len(of.series), of.intervals.count), dtype=bool)
         solved, levels = [], np.zeros(of.intervals.count, dtype=np.intp)
         for question in questions:
-            problem = question.problem([], none)
+            problem = question.problem({}, none)
             optimum = least_squares(problem)
             value = question.value(problem, optimum.optimum.theta)
-            needed = question.bounds() < value + FAR
+            needed = question.least_values < value + FAR
             sizes, misfits = (np.where(needed, each, 0.0) for each in question.kinks(value))
             # each series that has a transition of its own has an error of its own
             errors = _errors(sizes, misfits).max(axis=1)

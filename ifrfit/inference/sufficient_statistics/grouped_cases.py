@@ -13,10 +13,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from ifrfit.data.observations import make_table
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream, Values
 from ifrfit.data.stream.portions import Portion
 from ifrfit.data.stream.sample import lots_of_rows
@@ -31,6 +29,7 @@ from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_groups
 from ifrfit.inference.sufficient_statistics.moments import Moments, N, Place
 from ifrfit.inference.sufficient_statistics.passes import Progress, Reader, Tell
+from ifrfit.inference.sufficient_statistics.problem_rows import ProblemRows
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_window import FAR, Question
 from ifrfit.physics.observables import OBSERVABLES
@@ -224,7 +223,7 @@ def _hull(question: Question, problem: Problem, optimum: LeastSquaresFit) -> tup
     n = problem.noise.count(np.arange(len(problem.rows)))
     value = question.value(problem, optimum.optimum.theta)
     wider = max(1.0, value / n) if question.noise == "known" else 1.0
-    near = question.bounds() < value + FAR * wider
+    near = question.least_values < value + FAR * wider
     # none where no value knows a transition
     last = of.intervals.count - 1
     low = np.where(near.any(axis=1), near.argmax(axis=1), 0)
@@ -248,9 +247,7 @@ def _sums(nothing: GroupedSums, tell: Tell | None, portions: Sequence[Portion]) 
 def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
     """Rows that stand for the groups, impacts about the transition, and what of them is drawn together."""
     of, stream = question.of, question.of.stream
-    tables: list[pd.DataFrame] = []
-    scale: list[Array] = []
-    counts: list[Array] = []
+    parts: list[ProblemRows] = []
     tau = sums.intervals.edges
     by_group = sums.moments.high.reshape(len(of.groups), GROUPS, 2, -1)
     with np.errstate(divide="ignore"):
@@ -267,37 +264,14 @@ def _problem(question: Question, sums: GroupedSums) -> tuple[Problem, Cases]:
             )
             if not made.value.size:
                 continue
-            columns = {
-                "series": np.full(group.size, of.series[series], dtype=object),
-                "observable": np.full(group.size, name, dtype=object),
-                "gamma_deg": made.gamma_deg,
-                "value": made.value,
-                "sigma": made.sigma if of.weighted else np.full(group.size, np.nan),
-                "impact_id": group.astype(str).astype(object),
-            }
-            tables.append(make_table(columns))
-            scale.append(made.sigma / question.typical(number))
-            counts.append(made.count)
-    for name, parts in sorted(sums.parts.items()):
-        rows = np.concatenate(parts, axis=1)
-        if not rows.shape[1]:
-            continue
-        columns = {
-            "series": np.array(of.series, dtype=object)[rows[_SERIES].astype(np.intp)],
-            "observable": np.full(rows.shape[1], name, dtype=object),
-            "gamma_deg": rows[_GAMMA],
-            "spin_x": rows[_SPIN_X],
-            "spin_y": rows[_SPIN_Y],
-            "value": rows[_VALUE],
-            "sigma": rows[_SIGMA] if of.weighted else np.full(rows.shape[1], np.nan),
-            "impact_id": rows[_GROUP].astype(np.intp).astype(str).astype(object),
-        }
-        table = make_table(columns)
-        tables.append(table)
-        scale.append(question.scale_of(table))
-        counts.append(np.ones(len(table)))
-    _refuse_many(str(stream.path), sum(map(len, tables)))
-    problem = question.problem_of(tables, scale, counts)
+            rows = made.gamma_deg, made.value, made.sigma, made.count
+            parts.append(ProblemRows.condensed(number % len(stream.observables), series, rows, group))
+    for name, kept in sorted(sums.parts.items()):
+        own = np.concatenate(kept, axis=1)
+        if own.shape[1]:
+            parts.append(question.standing(name, own[:_GROUP], own[_GROUP].astype(np.intp)))
+    _refuse_many(str(stream.path), sum(map(len, parts)))
+    problem = question.problem_of(parts, [str(group) for group in range(GROUPS)])
     return problem, _cases(problem, str(stream.path))
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -118,14 +119,19 @@ class ExactSum:
     @classmethod
     def of_equal(cls, value: float, count: int) -> ExactSum:
         """Of a number so many times."""
-        high = value * count
-        return cls(high, float(Fraction(value) * count - Fraction(high)))
+        return cls(*_of_equal(value, count))
 
     def merge(self, other: ExactSum) -> ExactSum:
         """The sum of both."""
         # an addend may come with more in its low part than its high part has in its last digit
         high, low = _two_sum(self.high, other.high)
         return ExactSum(*_two_sum(high, low + (self.low + other.low)))
+
+
+@lru_cache(maxsize=64)  # the same sigma stands in every batch
+def _of_equal(value: float, count: int) -> tuple[float, float]:
+    high = value * count
+    return high, float(Fraction(value) * count - Fraction(high))
 
 
 def _two_sum(a: Number, b: Number) -> tuple[Number, Number]:

@@ -179,7 +179,7 @@ def fit_stream(
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
     _refuse_few_sigmas(of)
-    refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample)
+    refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample, of.largest_sigmas())
     questions = questions_of(of)
     solved = solve_each(questions, reader)
     if solved is None:

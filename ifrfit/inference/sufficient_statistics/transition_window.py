@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import cast
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from ifrfit.data.observations import Observations, make_table
+from ifrfit.data.observations import Observations
 from ifrfit.errors import DataError
 from ifrfit.inference.model.noise import NoiseModel, Policy
 from ifrfit.inference.model.parameters import Parameter, ParameterSet
@@ -24,6 +23,7 @@ from ifrfit.inference.sufficient_statistics.accumulated import MOST_SUMS, Accumu
 from ifrfit.inference.sufficient_statistics.condensed_rows import condensed_rows
 from ifrfit.inference.sufficient_statistics.moments import N
 from ifrfit.inference.sufficient_statistics.passes import Reader
+from ifrfit.inference.sufficient_statistics.problem_rows import JoinedRows, ProblemRows
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 from ifrfit.inference.sufficient_statistics.transition_bounds import (
     kink_sizes,
@@ -37,6 +37,7 @@ from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Bound = Callable[[Array, Intervals, Coefficients, tuple[float, float]], Array]
 
@@ -47,7 +48,9 @@ _MOST_PARTED = 64  # intervals at once: more of them are as narrow as the rows c
 _PASSES = 4
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
 _EXPONENT = 600.0  # beyond which an exponential is as good as infinite
-MEAN, SCATTER = "mean of an interval", "scatter within intervals"  # what condensed rows are
+KINDS = ("", "mean of an interval", "scatter within intervals")  # what the rows of a problem are
+_, MEAN, SCATTER = KINDS
+_ITSELF, _MEAN, _SCATTER = range(3)
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,18 @@ class Question:
         """The intervals that will be fetched in the end, most likely, told from some rows, (bins,)."""
         # an estimate of the best value: as if an impulse factor could not differ from that of sticking
         best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
-        likely = _with_neighbours(self.bounds() < best + 2.0 * FAR)
+        likely = _with_neighbours(self.least_values < best + 2.0 * FAR)
         return np.asarray((likely | self.each_by_itself()).any(axis=0))
+
+    def expected_fetched(self) -> Mask:
+        """The intervals of each series that a fit will call for, most likely, (series, bins).
+
+        Of those whose rows were kept, and none where these are very many.
+        """
+        best = self.bounds(spread=0.0).min(axis=1, keepdims=True)
+        found = _with_neighbours(self.least_values < best + FAR) | self.each_by_itself()
+        found &= self.of.window.inside
+        return found & (self.rows_in(found) <= MOST_ROWS / 2)
 
     def each_by_itself(self) -> Mask:
         """Where the transition of a series may lie that shares no constant, (series, bins): `pooling` asks.
@@ -99,7 +112,7 @@ class Question:
             return np.zeros((len(self.of.series), self.of.intervals.count), dtype=bool)
         alone = replace(self, parameters=tuple(replace(p, separate=p.fixed is None) for p in self.parameters))
         best = alone.bounds(spread=0.0).min(axis=1, keepdims=True)
-        found = _with_neighbours(alone.bounds() < best + FAR)
+        found = _with_neighbours(alone.least_values < best + FAR)
         return found & (self.rows_in(found) <= MOST_ROWS / 2)
 
     def _share_constants(self) -> bool:
@@ -117,57 +130,58 @@ class Question:
             if OBSERVABLES[self.of.observable_of(group)].linear is not None
         ]
 
-    def problem(self, rows: Sequence[pd.DataFrame], fetched: NDArray[np.bool_]) -> Problem:
-        """The condensed rows of all other intervals, and the impacts of these."""
+    def problem(self, kept: Mapping[str, Array], fetched: NDArray[np.bool_]) -> Problem:
+        """The condensed rows of all other intervals, and the impacts of these, by observable."""
         of, stream = self.of, self.of.stream
-        tables, counts = list(rows), [np.ones(len(t)) for t in rows]
-        scale = [self.scale_of(table) for table in rows]
+        parts = [self.standing(name, rows) for name, rows in kept.items()]
         for group, known in enumerate(of.groups):
             name, series = of.observable_of(group), of.series_of(group)
-            sums = of.sums[group].copy()
+            sums = of.sums[group]
             if OBSERVABLES[name].linear is not None:
-                sums[fetched[series]] = 0.0
+                sums = np.where(fetched[series][:, None], 0.0, sums)
             span = (known.least_gamma, known.largest_gamma)
             made = condensed_rows(sums, of.intervals, name, stream.inertia_factor, span)
-            if not made.value.size:
-                continue
-            columns = {
-                "series": np.full(made.value.size, of.series[series], dtype=object),
-                "observable": np.full(made.value.size, name, dtype=object),
-                "gamma_deg": made.gamma_deg,
-                "value": made.value,
-                "sigma": made.sigma if of.weighted else np.full(made.value.size, np.nan),
-                "impact_id": np.where(made.is_scatter, SCATTER, MEAN).astype(object),
-            }
-            tables.append(make_table(columns))
-            scale.append(made.sigma / self.typical(group))
-            counts.append(made.count)
-        return self.problem_of(tables, scale, counts)
+            if made.value.size:
+                rows = made.gamma_deg, made.value, made.sigma, made.count
+                kind = np.where(made.is_scatter, _SCATTER, _MEAN)
+                parts.append(ProblemRows.condensed(group % len(stream.observables), series, rows, kind))
+        return self.problem_of(parts, KINDS)
 
-    def problem_of(
-        self, tables: Sequence[pd.DataFrame], scale: Sequence[Array], counts: Sequence[Array]
-    ) -> Problem:
-        """The problem of some rows, with their sigma over the typical one and what they stand for."""
+    def standing(self, name: str, rows: Array, kind: Index | None = None) -> ProblemRows:
+        """Impacts that stand for themselves, see `WindowRows.rows`."""
+        series, gamma, spin_x, spin_y, value, sigma = rows
+        ones = np.ones(value.size)
+        if kind is None:
+            kind = np.full(value.size, _ITSELF, dtype=np.intp)
+        sigma = sigma if self.of.weighted else ones
+        number, observable = series.astype(np.intp), self.of.stream.observables.index(name)
+        return ProblemRows(observable, number, gamma, spin_x, spin_y, value, sigma, ones, kind)
+
+    def problem_of(self, parts: Sequence[ProblemRows], kinds: Sequence[str]) -> Problem:
+        """The problem of some rows; `kinds` are the names of what they are."""
         of, stream = self.of, self.of.stream
-        table = pd.concat(tables, ignore_index=True)
-        # series stand in the order of the rows, as in memory
-        number = table["series"].map({name: place for place, name in enumerate(of.series)})
-        order = np.argsort(number.to_numpy(dtype=np.intp), kind="stable")
-        table = table.take(order).reset_index(drop=True)
-        table["source"] = stream.path.name
-        table["provenance"] = next(iter(of.tally.provenances), "")
-        arrays, names = Rows.of(table.assign(impact_id=""))
+        joined = JoinedRows.of(
+            parts,
+            of.series,
+            stream.observables,
+            kinds,
+            has_sigma=of.weighted,
+            source=stream.path.name,
+            provenance=next(iter(of.tally.provenances), ""),
+        )
+        arrays, names = Rows.of(joined.table.assign(impact_id=""))
+        typical = np.array([self.typical(group) for group in range(len(of.groups))])
         noise = NoiseModel(
             self.noise,
-            table["sigma"].to_numpy(dtype=float),
+            joined.table["sigma"].to_numpy(dtype=float),
             separate=self.separate_noise,
-            scale=np.concatenate(scale)[order],
-            counts=np.concatenate(counts)[order],
+            scale=joined.sigma / typical[joined.group],
+            counts=joined.count,
         )
         inertia = stream.inertia_factor
         parameters = ParameterSet(self.parameters, names)
         made_of = Problem(
-            arrays, self.closure, inertia, parameters, noise, Observations(table, (source_of(of),))
+            arrays, self.closure, inertia, parameters, noise, Observations(joined.table, (source_of(of),))
         )
         return made_of.with_noise(noise.with_bounds(self._noise_bounds(made_of)))
 
@@ -176,19 +190,6 @@ class Question:
         of = self.of
         count = of.count_of(group)
         return math.sqrt(of.groups[group].square_sigma.high / count) if of.weighted and count else 1.0
-
-    def scale_of(self, table: pd.DataFrame) -> Array:
-        """Sigma of fetched rows over the typical one of their groups."""
-        of, names = self.of, self.of.stream.observables
-        if not of.weighted:
-            return np.ones(len(table))
-        series, number = (
-            table[column].map({name: place for place, name in enumerate(of_all)}).to_numpy(dtype=np.intp)
-            for column, of_all in (("series", of.series), ("observable", names))
-        )
-        typical = np.array([self.typical(group) for group in range(len(of.groups))])
-        sigma = table["sigma"].to_numpy(dtype=float)
-        return np.asarray(sigma / typical[series * len(names) + number])
 
     def _noise_bounds(self, problem: Problem) -> Mapping[str, tuple[float, float]]:
         """As `NoiseModel.bounds`, from all values."""
@@ -231,11 +232,13 @@ class Question:
         """Whether all series have their transition in the same interval."""
         return not any(p.separate for p in self.parameters)
 
-    def bounds(self, spread: float = 1.0) -> Array:
-        """Least value with the transition of a series in each interval, (series, bins), see `value`.
+    @cached_property
+    def least_values(self) -> Array:
+        """Least value with the transition of a series in each interval, (series, bins), see `value`."""
+        return self.bounds(spread=1.0)
 
-        `spread` is the part of the largest difference between sticking and sliding that is allowed for.
-        """
+    def bounds(self, spread: float) -> Array:
+        """As `least_values`; `spread` is the part of the largest difference between sticking and sliding."""
         least = self._least(spread)
         return self._of_each_series(least, least)
 
@@ -325,7 +328,7 @@ class Question:
 
     def gap(self, problem: Problem, optimum: LeastSquaresFit, fetched: NDArray[np.bool_]) -> float | None:
         """The gap of the optimum, once no transition elsewhere can do better."""
-        beyond = self.bounds()[~fetched]
+        beyond = self.least_values[~fetched]
         if beyond.size and float(beyond.min()) < self.value(problem, optimum.optimum.theta):
             return None
         return optimum.optimum.gap
@@ -336,7 +339,7 @@ class Question:
         The rise is that of `ifrfit.inference.profile.objective.Misfit`, in which a noise has n less its
         leverage degrees of freedom: docs/theory/sufficient-statistics.md, eq. (4).
         """
-        beyond = self.bounds()[~fetched]
+        beyond = self.least_values[~fetched]
         if not beyond.size:
             return math.inf
         least = float(beyond.min())
@@ -407,32 +410,28 @@ def solve_each(questions: Sequence[Question], reader: Reader) -> list[Solved] | 
         Of the stream, for impacts that were not kept.
     """
     of = questions[0].of
-    fetched = [np.zeros((len(of.series), of.intervals.count), dtype=bool) for _ in questions]
-    rows: list[list[pd.DataFrame]] = [[] for _ in questions]
+    fetched = [question.expected_fetched() for question in questions]
     solved: dict[int, Solved] = {}
     for _ in range(_PASSES):
-        for place, question in enumerate(questions):
-            if place in solved:
-                continue
-            problem = question.problem(rows[place], fetched[place])
-            optimum = least_squares(problem)
-            needed = question.bounds() < question.value(problem, optimum.optimum.theta) + FAR
-            if (needed & ~fetched[place]).any():
-                fetched[place] |= _with_neighbours(needed) | question.each_by_itself()
-            else:
-                solved[place] = Solved(problem, optimum, fetched[place], question)
-        open_ = [place for place in range(len(questions)) if place not in solved]
-        if not open_:
-            of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
-            return [solved[place] for place in range(len(questions))]
         if sum(map(Question.rows_in, questions, fetched)) > MOST_ROWS:
             return None
+        open_ = [place for place in range(len(questions)) if place not in solved]
         inside = np.any([fetched[place].any(axis=0) for place in open_], axis=0)
         window = of.window
         if (inside & ~window.inside).any():
             window = reader.fetch(of.intervals, inside, of.series)
         for place in open_:
-            rows[place] = window.tables(fetched[place], of.series, weighted=of.weighted)
+            question = questions[place]
+            problem = question.problem(window.rows(fetched[place]), fetched[place])
+            optimum = least_squares(problem)
+            needed = question.least_values < question.value(problem, optimum.optimum.theta) + FAR
+            if (needed & ~fetched[place]).any():
+                fetched[place] |= _with_neighbours(needed) | question.each_by_itself()
+            else:
+                solved[place] = Solved(problem, optimum, fetched[place], question)
+        if len(solved) == len(questions):
+            of.window.narrow(np.zeros(of.intervals.count, dtype=bool))
+            return [solved[place] for place in range(len(questions))]
     raise DataError(
         f"{of.stream.path}: where the transition lies did not settle. Fit a part of the data in memory."
     )

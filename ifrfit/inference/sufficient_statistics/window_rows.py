@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from ifrfit.data.observations import make_table
 from ifrfit.data.stream.impact_stream import Batch, Values
 from ifrfit.physics.compiled_incidence import incidence_of, read_only
 from ifrfit.physics.compiling import compiled
@@ -68,6 +66,9 @@ class WindowRows:
     def narrow(self, inside: Mask) -> None:
         """Let go of what lies in other intervals than these."""
         self.inside = self.inside & inside
+        if not self.inside.any():
+            self.parts = {name: [np.empty((7, 0))] for name in self.parts}
+            return
         for name, parts in self.parts.items():
             kept = (_chosen(part, np.flatnonzero(self.inside[_whole(part[_PLACE])])) for part in parts)
             self.parts[name] = [part for part in kept if part.size] or [np.empty((7, 0))]
@@ -86,24 +87,20 @@ class WindowRows:
             for name, parts in self.parts.items()
         }
 
-    def tables(self, intervals: Mask, series: list[str], *, weighted: bool) -> list[pd.DataFrame]:
-        """The rows of some intervals of each series, (series, bins), in the common schema."""
-        found = []
+    def rows(self, intervals: Mask) -> dict[str, Array]:
+        """The rows of some intervals of each series, (series, bins), by observable.
+
+        Returns
+        -------
+        dict of str to ndarray, (6, n)
+            Series, angle in degrees, spins, value, sigma.
+        """
+        found = {}
         for name, parts in sorted(self.parts.items()):
             # few of many: chosen before they are joined
-            chosen = [_chosen(part, _in_intervals(part, intervals)) for part in parts]
-            rows = np.concatenate(chosen, axis=1)
+            rows = np.concatenate([_chosen(part, _in_intervals(part, intervals)) for part in parts], axis=1)
             if rows.shape[1]:
-                columns = {
-                    "series": np.array(series, dtype=object)[rows[_SERIES].astype(np.intp)],
-                    "observable": np.full(rows.shape[1], name, dtype=object),
-                    "gamma_deg": rows[_GAMMA],
-                    "spin_x": rows[_SPIN_X],
-                    "spin_y": rows[_SPIN_Y],
-                    "value": rows[_VALUE],
-                    "sigma": rows[_SIGMA] if weighted else np.full(rows.shape[1], np.nan),
-                }
-                found.append(make_table(columns))
+                found[name] = np.delete(rows, _PLACE, axis=0)
         return found
 
 

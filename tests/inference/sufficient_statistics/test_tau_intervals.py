@@ -97,20 +97,20 @@ def many_in_small(monkeypatch):
 def held_of(monkeypatch, call):
     """What a call gives, and the most rows that were kept at once and that any problem has one by one."""
     kept, single = [0], [0]
-    add, tables = WindowRows.merge, WindowRows.tables
+    add, rows = WindowRows.merge, WindowRows.rows
 
     def counted(window, following, series):
         add(window, following, series)
         kept.append(sum(len(part[0]) for parts in window.parts.values() for part in parts))
 
     def told(*given, **named):
-        found = tables(*given, **named)
-        single.append(sum(map(len, found)))
+        found = rows(*given, **named)
+        single.append(sum(of.shape[1] for of in found.values()))
         return found
 
     with monkeypatch.context() as patched:
         patched.setattr(WindowRows, "merge", counted)
-        patched.setattr(WindowRows, "tables", told)
+        patched.setattr(WindowRows, "rows", told)
         result = call()
     return result, max(kept), max(single)
 
