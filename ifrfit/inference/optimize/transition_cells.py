@@ -27,6 +27,7 @@ CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 
 SIZE = 6  # no less than the terms that make up `ONE`
 _WALLS = 64  # on which a value is looked for
 _CHUNK = 4096  # cells solved at once
+_FEW = 128  # cells that are all solved
 _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
@@ -101,16 +102,24 @@ def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
 
 def lowest_on_wall(
     form: Array, tau: Array, law: Coefficients, domain: tuple[float, float], kappa0: float
-) -> Array:
-    """The c of the least chi2 where the transition lies at tau: kappa0 + kappa = tau (b0 + b1 c)."""
-    foot = law.b0 * tau - kappa0
-    curved, slope = form[CC], form[C] - form[CK] * foot
-    if law.b1 != 0.0:  # else a wall lies at one kappa
+) -> tuple[Array, Array]:
+    """The (c, kappa) of the least chi2 where the transition lies at tau.
+
+    There kappa0 + kappa = tau (b0 + b1 c); tau is (m,) or (..., m) of quadratics (6, m).
+    """
+    cc, ck, kk, of_c, of_k, _ = form
+    foot = law.b0 * tau
+    foot -= kappa0
+    slope = of_c - ck * foot
+    if law.b1 == 0.0:  # a wall lies at one kappa
+        slope /= cc + _TINY
+    else:
         turn = law.b1 * tau
-        curved = curved + (2.0 * form[CK] + form[KK] * turn) * turn
-        slope += (form[K] - form[KK] * foot) * turn
-    c: Array = slope / (curved + _TINY)
-    return np.minimum(np.maximum(c, domain[0]), domain[1])
+        slope += (of_k - kk * foot) * turn
+        slope /= cc + (2.0 * ck + kk * turn) * turn + _TINY
+    np.maximum(slope, domain[0], out=slope)
+    c = np.minimum(slope, domain[1], out=slope)
+    return c, foot if law.b1 == 0.0 else tau * (law.b0 + law.b1 * c) - kappa0
 
 
 @dataclass(frozen=True)
@@ -165,73 +174,84 @@ class TransitionCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
         A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
-        left alone, one that the sums leave in doubt keeps the bound that needs no sums.
+        left alone, unless there are few; one that the sums leave in doubt keeps the bound that needs no sums.
 
         Parameters
         ----------
         center : (float, float)
             What c and kappa lack here: it is added to the points.
         """
-        bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
-        np.maximum(bounds, 0.0, out=bounds)
-        bounds[doubtful] = 0.0
-        some = slice(None, None, self.n_stick.size // _WALLS + 1)
-        form, walls = self.form[:, some], self.low[some]
-        c = lowest_on_wall(form, walls, self.law, self.domain, self.kappa0)
-        met = value_at(form, c, walls * (self.law.b0 + self.law.b1 * c) - self.kappa0)
-        limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
-        which = (~(bounds > limit)).nonzero()[0]
-        parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
-        found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
-        least = found.values - found.errors
-        sure = ~doubtful[which]
-        bounds[which[sure]] = least[sure]
-        points = found.points + center
+        if self.n_stick.size <= _FEW:  # sooner solved than looked through
+            found, doubtful = self._minima(self.form, self.size, self.low, self.high)
+            which, bounds = np.arange(self.n_stick.size), found.values - found.errors
+            bounds[doubtful] = 0.0
+        else:
+            bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
+            np.maximum(bounds, 0.0, out=bounds)
+            bounds[doubtful] = 0.0
+            some = slice(None, None, self.n_stick.size // _WALLS + 1)
+            form = self.form[:, some]
+            met = value_at(form, *lowest_on_wall(form, self.low[some], self.law, self.domain, self.kappa0))
+            limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
+            which = (~(bounds > limit)).nonzero()[0]
+            parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
+            found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
+            least = found.values - found.errors
+            sure = ~doubtful[which]
+            bounds[which[sure]] = least[sure]
+        points = found.points
+        points += center
         return SolvedCells(found.values, found.errors, points, which, bounds, all_near_solved=True)
 
     def minima(self, which: Index) -> CellMinima:
-        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
+        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
+        form = self.form.take(which, axis=1)
+        return self._minima(form, self.size[which], self.low[which], self.high[which])[0]
+
+    def _minima(self, form: Array, size: Array, low: Array, high: Array) -> tuple[CellMinima, Bool]:
+        """Minimum of cells, and which of them the sums leave in doubt.
 
         A convex function that is least beyond some edges of a cell has its minimum in the cell on one of
         these: ends of the domain are looked at only where a free minimum lies beyond one.
         """
-        k, law, kappa0, (first, last) = which.size, self.law, self.kappa0, self.domain
-        low, high = self.low[which], self.high[which]
-        form = self.form.take(which, axis=1)
+        k, law, kappa0, (first, last) = low.size, self.law, self.kappa0, self.domain
         cc, ck, kk, of_c, of_k, _ = form
         # the last cell has one wall, which is as good as any place where no row knows kappa
         is_last = high == np.inf
-        high = np.where(is_last, low, high)
+        walls = np.empty((2, k))
+        walls[0] = low
+        walls[1] = np.where(is_last, low, high)
         both, det = cc * kk, ck * ck
         np.subtract(both, det, out=det)
-        flat = det <= FLAT * both
+        doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
         det[flat] = np.inf
         c, kappa = (of_c * kk - ck * of_k) / det, (cc * of_k - ck * of_c) / det
         beyond = flat | (c < first) | (c > last)
-        bound = law.b0 + law.b1 * c
-        outside = beyond | (kappa < low * bound - kappa0) | ((kappa > high * bound - kappa0) & ~is_last)
-        walls, twice = np.concatenate((low, high)), np.concatenate((form, form), axis=1)
-        on_wall = lowest_on_wall(twice, walls, law, self.domain, kappa0)
-        forms, at_c = [form, twice], [c, on_wall]
-        at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
-        if np.count_nonzero(beyond):
+        on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
+        edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
+        outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) & ~is_last)
+        at_ends = np.count_nonzero(beyond) > 0
+        at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
+        at_c[0], at_kappa[0] = c, kappa
+        at_c[1:3], at_kappa[1:3] = on_wall, wall
+        if at_ends:
+            end = np.array(((first,), (last,)))
+            bound = law.b0 + law.b1 * end
             slides = kk > 0.0
-            turns = np.where(slides, kk, np.inf)
-            for end in self.domain:
-                bound = law.b0 + law.b1 * end
-                along = np.maximum((of_k - ck * end) / turns, low * bound - kappa0)
-                capped = np.minimum(along, high * bound - kappa0)
-                forms.append(form)
-                at_c.append(np.full(k, end))
-                at_kappa.append(np.where(is_last & slides, along, capped))
-        c, kappa = np.concatenate(at_c), np.concatenate(at_kappa)
-        value = value_at(np.concatenate(forms, axis=1), c, kappa)
-        value[:k][outside] = np.inf
-        best = value.reshape(-1, k).argmin(axis=0) * k + np.arange(k)
-        c, kappa = c[best], kappa[best]
-        linear = np.abs(of_c * c) + np.abs(of_k * kappa)
-        points = np.array((c, kappa)).T
-        return CellMinima(value[best], self.rounding * (self.size[which] + 4.0 * linear), points)
+            along = np.maximum(
+                (of_k - ck * end) / np.where(slides, kk, np.inf), walls[0] * bound - kappa0
+            )
+            at_c[3:] = end
+            at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, walls[1] * bound - kappa0))
+        value = value_at(form, at_c, at_kappa)
+        value[0, outside] = np.inf
+        best = value.argmin(axis=0)
+        best *= k
+        best += np.arange(k)
+        lowest = places.reshape(2, -1).take(best, axis=1)
+        linear = np.abs(form[C : K + 1] * lowest)
+        errors = self.rounding * (size + 4.0 * (linear[0] + linear[1]))
+        return CellMinima(value.reshape(-1)[best], errors, lowest.T), doubtful
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""

@@ -175,15 +175,14 @@ class _Bins:
 
 def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
     """The cells of the intervals that may hold a minimum within `NEAR` of the best."""
-    m, law = bins.count.size, own.law
+    m = bins.count.size
     outside = np.zeros((9, m + 1))  # below and above each edge
     np.cumsum(bins.sums[:N_BELOW], axis=1, out=outside[:N_BELOW, 1:])
     np.cumsum(bins.sums[own.above, ::-1], axis=1, out=outside[N_BELOW:, m - 1 :: -1])
     depth = float(m + bins.count.max())
     # the transition on an edge between intervals: a value that is met
     form, tau = own.quadratics(outside[:, 1:-1])[0], bins.edges[1:-1]
-    c = lowest_on_wall(form, tau, law, own.domain, own.kappa)
-    met = float(value_at(form, c, tau * (law.b0 + law.b1 * c) - own.kappa).min())
+    met = float(value_at(form, *lowest_on_wall(form, tau, own.law, own.domain, own.kappa)).min())
     chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
     inner = np.flatnonzero(chosen[bins.which])
     inner = inner[own.rows.tau[inner].argsort()]
