@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -113,18 +114,21 @@ class ImpulseSums:
         made[K] -= made[CK] * self.c + made[KK] * self.kappa
         return made
 
-    def products(self, at: slice | Index, out: Array) -> Array:
-        """Products of some of the rows, (`width`, n)."""
+    def products(self, at: slice | Index, tau: Array) -> Iterator[Array]:
+        """Products of some of the rows, whose slip ratios are tau, `width` times (n,).
+
+        One after another, in memory that the next one may use again.
+        """
         u, v = self.rows.of_places(at)
-        x = 1.0 / self.rows.tau[at]
+        x = 1.0 / tau
         if not self._in_common:
             stick = v - self.stick * u
-            np.multiply(u, u, out=out[0])
-            np.multiply(u, stick, out=out[1])
-            np.multiply(stick, stick, out=out[2])
+            term = u * u
+            yield term
+            yield np.multiply(u, stick, out=term)
+            yield np.multiply(stick, stick, out=term)
         v = v - (self.slide if self._in_common else self.slide + self.kappa * x) * u
-        row_products(u, v, x, out[self.above])
-        return out
+        yield from row_products(u, v, x)
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
@@ -153,7 +157,9 @@ class ImpulseSums:
             Terms in a sum.
         """
         tau, n = self.rows.tau[order], order.size
-        terms = self.products(order, np.empty((self.width, n)))
+        terms = np.empty((self.width, n))
+        for each, term in zip(terms, self.products(order, tau), strict=True):
+            each[:] = term
         sums = np.zeros((9, n + 1))
         np.add.accumulate(terms[:N_BELOW], axis=1, out=sums[:N_BELOW, 1:])
         # not as what is left of all: where x is large the difference would lose its digits

@@ -8,7 +8,7 @@ and four edges leave a minimum in closed form: section 7 of docs/theory/certific
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,15 +32,19 @@ _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
-def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
-    """Write the products of each row that are summed to `out`, (6, ...)."""
-    np.multiply(u, u, out=out[UU])
-    np.multiply(u, v, out=out[UV])
-    np.multiply(v, v, out=out[VV])
-    np.multiply(u, x, out=out[UVX])
-    np.multiply(u, out[UVX], out=out[UUX])
-    np.multiply(out[UVX], out[UVX], out=out[UUXX])
-    out[UVX] *= v
+def row_products(u: Array, v: Array, x: Array) -> Iterator[Array]:
+    """The products of each row that are summed, (n,) each, in the order of `UU` to `UVX`.
+
+    One after another, in memory that the next one uses again.
+    """
+    term = u * u
+    yield term
+    yield np.multiply(u, v, out=term)
+    yield np.multiply(v, v, out=term)
+    ux = np.multiply(u, x, out=x)
+    yield np.multiply(u, ux, out=term)
+    yield np.multiply(ux, ux, out=term)
+    yield np.multiply(ux, v, out=term)
 
 
 def quadratic_matrix(law: Coefficients) -> Array:
@@ -49,21 +53,21 @@ def quadratic_matrix(law: Coefficients) -> Array:
     They come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`, `SIZE`; of the sums the first three are over
     the rows that stick, the other six over those that slide.
     """
-    made = np.zeros((7, 9))
-    for part, a, b in (
-        (made[:, :N_BELOW], law.a0 + law.b0, law.a1 + law.b1),
-        (made[:, N_BELOW:], law.a0, law.a1),
-    ):
-        part[CC, UU] = b * b
-        part[C, UV], part[C, UU] = b, -b * a
-        part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
-        # 2 a uv is no more than a^2 u^2 + v^2
-        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0
-    slide = made[:, N_BELOW:]
-    slide[CK, UUX] = law.a1
-    slide[KK, UUXX] = 1.0
-    slide[K, UVX], slide[K, UUX] = 1.0, -law.a0
-    return made
+    p, q = law.a0 + law.b0, law.a1 + law.b1  # k = p + q c where a row sticks
+    a, b = law.a0, law.a1
+    # 2 a uv is no more than a^2 u^2 + v^2
+    stick_size, slide_size = 2.0 if p else 1.0, 2.0 if a else 1.0
+    return np.array(
+        [
+            [q * q, 0.0, 0.0, b * b, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, b, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            [-q * p, q, 0.0, -b * a, b, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -a, 0.0, 1.0],
+            [p * p, -2.0 * p, 1.0, a * a, -2.0 * a, 1.0, 0.0, 0.0, 0.0],
+            [2.0 * p * p, 0.0, stick_size, 2.0 * a * a, 0.0, slide_size, 0.0, 0.0, 0.0],
+        ]
+    )
 
 
 def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, Bool]:
@@ -93,7 +97,7 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
     return one - by_c - by_kappa - error, doubtful
 
 
-def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
+def value_at(form: Array | Sequence[float], c: Array | float, kappa: Array | float) -> Array:
     """Chi2 of quadratics (6, ...) at (c, kappa)."""
     cc, ck, kk, of_c, of_k, one = form
     along_c = cc * c + 2.0 * (ck * kappa - of_c)
