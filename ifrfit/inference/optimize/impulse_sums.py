@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,7 +70,7 @@ class ImpulseSums:
         slide = law.a0 + law.a1 * c
         return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
 
-    @property
+    @cached_property
     def _in_common(self) -> bool:
         return self.kappa == 0.0 and self.stick == self.slide
 
@@ -114,21 +114,20 @@ class ImpulseSums:
         made[K] -= made[CK] * self.c + made[KK] * self.kappa
         return made
 
-    def products(self, at: slice | Index, tau: Array) -> Iterator[Array]:
-        """Products of some of the rows, whose slip ratios are tau, `width` times (n,).
+    def products(self, at: slice | Index, tau: Array, out: Sequence[Array]) -> Iterator[Array]:
+        """Write products of some of the rows, whose slip ratios are tau, to `out`, `width` times (n,).
 
-        One after another, in memory that the next one may use again.
+        They come one after another, so that all may be written to the same memory.
         """
         u, v = self.rows.of_places(at)
         x = 1.0 / tau
         if not self._in_common:
             stick = v - self.stick * u
-            term = u * u
-            yield term
-            yield np.multiply(u, stick, out=term)
-            yield np.multiply(stick, stick, out=term)
+            yield np.multiply(u, u, out=out[0])
+            yield np.multiply(u, stick, out=out[1])
+            yield np.multiply(stick, stick, out=out[2])
         v = v - (self.slide if self._in_common else self.slide + self.kappa * x) * u
-        yield from row_products(u, v, x)
+        yield from row_products(u, v, x, out[self.above])
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
@@ -158,8 +157,7 @@ class ImpulseSums:
         """
         tau, n = self.rows.tau[order], order.size
         terms = np.empty((self.width, n))
-        for each, term in zip(terms, self.products(order, tau), strict=True):
-            each[:] = term
+        list(self.products(order, tau, list(terms)))
         sums = np.zeros((9, n + 1))
         np.add.accumulate(terms[:N_BELOW], axis=1, out=sums[:N_BELOW, 1:])
         # not as what is left of all: where x is large the difference would lose its digits
@@ -180,7 +178,7 @@ class ImpulseSums:
 
     def all_cells(self) -> TransitionCells:
         """The cells of all rows."""
-        order = self.rows.tau.argsort(kind="stable")  # in no time where rows come by angle
+        order = self.rows.tau.argsort()
         return self.cells(order, None, (0.0, np.inf), 0, float(order.size))
 
 

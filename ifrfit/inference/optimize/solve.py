@@ -60,10 +60,10 @@ def solve(
         raise refuse("The search for the optimum")
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
-    independent = independent_groups(problem, sigma)
+    independent = _independent(problem, sigma)
     if independent is not None:
         parts = []
-        for i, (group, _) in enumerate(independent):
+        for i, group in enumerate(independent):
             alone = solve_group(group, certified=proven or near is None)
             if alone is None and len(independent) == 1:
                 return multistart(problem, sigma, near)
@@ -108,12 +108,21 @@ def _entry(problem: Problem, constant: Parameter, number: int) -> Parameter:
 
 def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
     """Groups that share no free constant, each with its rows; None where series share some of them only."""
+    groups = _independent(problem, sigma)
+    if groups is None:
+        return None
     if not problem.parameters.differ_by_series:
-        return [(whole_group(problem, sigma), np.arange(len(problem.rows)))]
+        return [(groups[0], np.arange(len(problem.rows)))]
+    return [(group, np.flatnonzero(problem.rows.series == number)) for number, group in enumerate(groups)]
+
+
+def _independent(problem: Problem, sigma: Array) -> list[ParameterGroup] | None:
+    """Groups that share no free constant: one, or one a series; None where series share some of them only."""
+    if not problem.parameters.differ_by_series:
+        return [whole_group(problem, sigma)]
     if not all(c.separate or c.fixed is not None for c in problem.parameters):
         return None
-    groups = enumerate(series_groups(problem, sigma))
-    return [(group, np.flatnonzero(problem.rows.series == number)) for number, group in groups]
+    return series_groups(problem, sigma)
 
 
 def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
@@ -152,7 +161,8 @@ def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: Param
 
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     """Groups that share nothing: objectives and gaps add; a rival of one of them is a rival of the whole."""
-    spread = len(problem.series) // len(parts)  # one group has the constants of all series
+    if len(parts) == 1:
+        return _of_all_series(problem, parts[0])
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
     values, minima, extremes = [objective], [best], []
@@ -161,15 +171,27 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
         values += [objective + (value - part.objective) for value, _ in part.minima[1:]]
         minima += [[*below, constants, *above] for _, constants in part.minima[1:]]
         extremes += [[*below, constants, *above] for constants in part.extremes]
-    thetas = thetas_of(problem, [each * spread for each in minima + extremes])
+    thetas = thetas_of(problem, minima + extremes)
     pairs = sorted(zip(values, thetas, strict=False), key=lambda pair: pair[0])
     gaps = [part.gap for part in parts if part.gap is not None]
     gap = sum(gaps) if len(gaps) == len(parts) else None
     searched = [part.method for part in parts if part.method.endswith("series")]
-    method = (searched or ["all partitions of each series"])[0] if parts[1:] else parts[0].method
+    method = (searched or ["all partitions of each series"])[0]
     is_local = any(part.is_local for part in parts)
     return Optimum(
         pairs[0][1], objective, gap, tuple(pairs), method, tuple(thetas[len(minima) :]), is_local=is_local
+    )
+
+
+def _of_all_series(problem: Problem, part: GroupOptimum) -> Optimum:
+    """The optimum of one group, whose constants are those of all series."""
+    every = [part.constants, *(constants for _, constants in part.minima[1:]), *part.extremes]
+    theta, *rest = thetas_of(problem, [[constants] * len(problem.series) for constants in every])
+    rivals = [(value, other) for (value, _), other in zip(part.minima[1:], rest, strict=False)]
+    pairs = sorted([(part.objective, theta), *rivals], key=lambda pair: pair[0])
+    extremes = tuple(rest[len(rivals) :])
+    return Optimum(
+        pairs[0][1], part.objective, part.gap, tuple(pairs), part.method, extremes, is_local=part.is_local
     )
 
 

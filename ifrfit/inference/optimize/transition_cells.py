@@ -32,19 +32,16 @@ _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
-def row_products(u: Array, v: Array, x: Array) -> Iterator[Array]:
-    """The products of each row that are summed, (n,) each, in the order of `UU` to `UVX`.
-
-    One after another, in memory that the next one uses again.
-    """
-    term = u * u
-    yield term
-    yield np.multiply(u, v, out=term)
-    yield np.multiply(v, v, out=term)
+def row_products(u: Array, v: Array, x: Array, out: Sequence[Array]) -> Iterator[Array]:
+    """Write the products of each row that are summed to `out`, (n,) each, one after another; x is lost."""
+    uu, uv, vv, uux, uuxx, uvx = out
+    yield np.multiply(u, u, out=uu)
+    yield np.multiply(u, v, out=uv)
+    yield np.multiply(v, v, out=vv)
     ux = np.multiply(u, x, out=x)
-    yield np.multiply(u, ux, out=term)
-    yield np.multiply(ux, ux, out=term)
-    yield np.multiply(ux, v, out=term)
+    yield np.multiply(u, ux, out=uux)
+    yield np.multiply(ux, ux, out=uuxx)
+    yield np.multiply(ux, v, out=uvx)
 
 
 def quadratic_matrix(law: Coefficients) -> Array:
@@ -229,14 +226,15 @@ class TransitionCells:
         np.subtract(both, det, out=det)
         doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
         det[flat] = np.inf
-        c, kappa = (of_c * kk - ck * of_k) / det, (cc * of_k - ck * of_c) / det
+        # (C, K) times (KK, CC) less CK times (K, C)
+        c, kappa = free = (form[C : K + 1] * form[KK::-KK] - ck * form[K : C - 1 : -1]) / det
         beyond = flat | (c < first) | (c > last)
         on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
         edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
         outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) & ~is_last)
         at_ends = np.count_nonzero(beyond) > 0
         at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
-        at_c[0], at_kappa[0] = c, kappa
+        places[:, 0] = free
         at_c[1:3], at_kappa[1:3] = on_wall, wall
         if at_ends:
             end = np.array(((first,), (last,)))

@@ -162,7 +162,7 @@ class _Bins:
         # 1/(1 + tau) is spread as angles are, and never rises with tau, rounded or not
         top = 1.0 / (1.0 + low)
         scale = m * (1.0 - 1e-9) / (top - 1.0 / (1.0 + high))
-        which = np.empty(tau.size, dtype=np.uint16)  # a page of memory that is new costs more than the sum
+        which = np.empty(tau.size, dtype=np.uint16)
         count, sums = np.zeros(m, dtype=np.intp), np.zeros((own.width, m))
         for at in own.rows.blocks():
             place = tau[at] + 1.0
@@ -171,7 +171,9 @@ class _Bins:
             here = place.astype(np.intp)
             which[at] = here
             count += np.bincount(here, minlength=m)
-            for total, term in zip(sums, own.products(at, tau[at]), strict=True):
+            # a term at a time in the same memory: of new memory a page costs more than the sum over it
+            products = own.products(at, tau[at], [place] * own.width)
+            for total, term in zip(sums, products, strict=True):
                 total += np.bincount(here, term, m)
         edges = 1.0 / (top - np.arange(m + 1.0) / scale) - 1.0
         edges[0], edges[-1] = 0.0, np.inf
