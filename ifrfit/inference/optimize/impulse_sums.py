@@ -164,9 +164,10 @@ class ImpulseSums:
         np.add.accumulate(terms[self.above, ::-1], axis=1, out=sums[N_BELOW:, -2::-1])
         if outside is not None:
             sums += outside[:, None]
-        low, high = np.empty(n + 1), np.empty(n + 1)
-        low[0], high[-1] = ends
-        low[1:] = high[:-1] = tau
+        walls = np.empty(n + 2)
+        walls[0], walls[-1] = ends
+        walls[1:-1] = tau
+        low, high = walls[:-1], walls[1:]
         n_stick = np.arange(n_below, n_below + n + 1)
         change = high > low
         if np.count_nonzero(change) <= n:  # rows of equal tau change together

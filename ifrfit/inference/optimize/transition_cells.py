@@ -8,6 +8,8 @@ and four edges leave a minimum in closed form: section 7 of docs/theory/certific
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -158,14 +160,14 @@ class TransitionCells:
     @classmethod
     def joined(cls, runs: Sequence[TransitionCells]) -> TransitionCells:
         """Runs of cells, with a void between one and the next."""
-        first, *rest = runs
-        if not rest:
+        first = runs[0]
+        if len(runs) == 1:
             return first
         nowhere = np.zeros((6, 1))
         nowhere[ONE] = np.inf  # which is no minimum
-        void = nowhere, np.zeros(1), np.array([-1]), np.zeros(1), np.array([np.inf])
         parts = [(first.form, first.size, first.n_stick, first.low, first.high)]
-        for each in rest:
+        for before, each in itertools.pairwise(runs):
+            void = nowhere, np.zeros(1), np.array([-1]), before.high[-1:], each.low[:1]
             parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
         form, size, n_stick, low, high = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         rounding = max(each.rounding for each in runs)
@@ -174,7 +176,7 @@ class TransitionCells:
     def solved(self, center: tuple[float, float] = (0.0, 0.0)) -> SolvedCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
-        A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
+        The free minimum of the lowest gives a value that is met, or else a transition on a wall. A cell whose bound lies more than `NEAR` above it is
         left alone, unless there are few; one that the sums leave in doubt keeps the bound that needs no sums.
 
         Parameters
@@ -190,11 +192,11 @@ class TransitionCells:
             bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
             np.maximum(bounds, 0.0, out=bounds)
             bounds[doubtful] = 0.0
-            some = slice(None, None, self.n_stick.size // _WALLS + 1)
-            form = self.form[:, some]
-            met = value_at(form, *lowest_on_wall(form, self.low[some], self.law, self.domain, self.kappa0))
-            limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
-            which = (~(bounds > limit)).nonzero()[0]
+            lowest = int(bounds.argmin())
+            met = math.inf if doubtful[lowest] else self._met_near(lowest)
+            if not math.isfinite(met):
+                met = self._met_on_walls()
+            which = (~(bounds > max(met, float(bounds[lowest])) + NEAR)).nonzero()[0]
             parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
             found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
             least = found.values - found.errors
@@ -203,6 +205,29 @@ class TransitionCells:
         points = found.points
         points += center
         return SolvedCells(found.values, found.errors, points, which, bounds, all_near_solved=True)
+
+    def _met_near(self, cell: int) -> float:
+        """Chi2 at the free minimum of a cell, with c in its domain; infinite where it lies in no cell."""
+        cc, ck, kk, of_c, of_k, _ = self.form[:, cell].tolist()
+        det = cc * kk - ck * ck
+        if det <= 0.0:
+            return math.inf
+        c = min(max((of_c * kk - ck * of_k) / det, self.domain[0]), self.domain[1])
+        kappa, bound = (cc * of_k - ck * of_c) / det, self.law.b0 + self.law.b1 * c
+        if bound <= 0.0:
+            return math.inf
+        tau = (self.kappa0 + kappa) / bound
+        at = int(self.low.searchsorted(tau, side="right")) - 1
+        if at < 0 or tau > self.high[at]:
+            return math.inf
+        return float(value_at(self.form[:, at].tolist(), c, kappa))
+
+    def _met_on_walls(self) -> float:
+        """The least chi2 with the transition on some of the walls."""
+        some = slice(None, None, self.n_stick.size // _WALLS + 1)
+        form = self.form[:, some]
+        met = value_at(form, *lowest_on_wall(form, self.low[some], self.law, self.domain, self.kappa0))
+        return float(met[met.argmin()])
 
     def minima(self, which: Index) -> CellMinima:
         """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
@@ -219,9 +244,7 @@ class TransitionCells:
         cc, ck, kk, of_c, of_k, _ = form
         # the last cell has one wall, which is as good as any place where no row knows kappa
         is_last = high == np.inf
-        walls = np.empty((2, k))
-        walls[0] = low
-        walls[1] = np.where(is_last, low, high)
+        walls = np.array((low, np.where(is_last, low, high)))
         both, det = cc * kk, ck * ck
         np.subtract(both, det, out=det)
         doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
@@ -231,7 +254,7 @@ class TransitionCells:
         beyond = flat | (c < first) | (c > last)
         on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
         edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
-        outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) & ~is_last)
+        outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) > is_last)
         at_ends = np.count_nonzero(beyond) > 0
         at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
         places[:, 0] = free
@@ -247,16 +270,13 @@ class TransitionCells:
             at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, walls[1] * bound - kappa0))
         value = value_at(form, at_c, at_kappa)
         value[0, outside] = np.inf
-        best = value.argmin(axis=0)
-        best *= k
-        best += np.arange(k)
-        lowest = places.reshape(2, -1).take(best, axis=1)
+        best, every = value.argmin(axis=0), np.arange(k)
+        lowest = places[:, best, every]
         linear = np.abs(form[C : K + 1] * lowest)
         errors = self.rounding * (size + 4.0 * (linear[0] + linear[1]))
-        return CellMinima(value.reshape(-1)[best], errors, lowest.T), doubtful
+        return CellMinima(value[best, every], errors, lowest.T), doubtful
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""
-        cc, ck, kk, *_ = self.form.take(which, axis=1)
-        both = cc * kk
-        return bool(((cc > 0.0) & (both - ck * ck >= DOUBTFUL * both)).all())
+        cells = self.form[:C].take(which, axis=1).T.tolist()
+        return all(cc > 0.0 and cc * kk - ck * ck >= DOUBTFUL * (cc * kk) for cc, ck, kk in cells)

@@ -191,13 +191,17 @@ def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
     form, tau = own.quadratics(outside[:, 1:-1])[0], bins.edges[1:-1]
     met = float(value_at(form, *lowest_on_wall(form, tau, own.law, own.domain, own.kappa)).min())
     chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
-    inner = np.flatnonzero(chosen.take(bins.which))
+    change = np.zeros(m + 2, dtype=bool)
+    change[1:-1] = chosen
+    ends = (change[1:] != change[:-1]).nonzero()[0].tolist()
+    runs = list(zip(ends[::2], ends[1::2], strict=True))
+    inner = ((bins.which >= ends[0]) & (bins.which < ends[-1])).nonzero()[0]
+    if len(runs) > 1:
+        inner = inner[chosen[bins.which[inner]]]
     inner = inner[own.rows.tau[inner].argsort()]
-    change = np.diff(chosen, prepend=False, append=False)
-    ends = np.flatnonzero(change).reshape(-1, 2)
     sticking = np.concatenate(([0], bins.count.cumsum()))
     pieces, first = [], 0
-    for start, stop in ends.tolist():
+    for start, stop in runs:
         n_below = int(sticking[start])
         last = first + int(sticking[stop]) - n_below
         around = np.concatenate((outside[:N_BELOW, start], outside[N_BELOW:, stop]))
