@@ -19,7 +19,7 @@ from ifrfit.physics.observable import Observable
 
 _KEPT = 1_000_000  # rows whose u and v are kept: 16 MB
 _WHOLE = slice(None)
-BLOCK = 4096  # rows at once, which stay in the cache, and in memory that is used again
+BLOCK = 16384  # rows at once, which stay in the cache
 
 
 @dataclass(frozen=True)

@@ -126,8 +126,8 @@ class ImpulseSums:
             yield np.multiply(u, u, out=out[0])
             yield np.multiply(u, stick, out=out[1])
             yield np.multiply(stick, stick, out=out[2])
-        v = v - (self.slide if self._in_common else self.slide + self.kappa * x) * u
-        yield from row_products(u, v, x, out[self.above])
+        left = (self.slide if self._in_common else self.slide + self.kappa * x) * u
+        yield from row_products(u, np.subtract(v, left, out=left), x, out[self.above])
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
