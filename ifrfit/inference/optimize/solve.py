@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.model.common_errors import refuse
-from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
@@ -28,8 +27,6 @@ from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
 from ifrfit.inference.optimize.tied_search import tied_search
 from ifrfit.inference.optimize.transition_search import optimum_in_c_and_kappa, unlimited
-
-_NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
 
 def solve(
@@ -80,8 +77,7 @@ def solve(
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
     """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
-    one = len(problem.series) == 1
-    e_n, c, mu = (_entry(problem, x, 0) if one else x for x in _specs(problem))
+    e_n, c, mu = problem.constants_of_all
     return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
@@ -92,18 +88,12 @@ def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
         e_n, c, mu = (
-            _entry(problem, x, number) if x.separate else replace(x, prior=None) for x in _specs(problem)
+            problem.entry(x, number) if x.separate else replace(x, prior=None) for x in problem.constants
         )
         groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
         )
     return groups
-
-
-def _entry(problem: Problem, constant: Parameter, number: int) -> Parameter:
-    """A constant as it is in one series: fixed where its entry of theta is."""
-    places = problem.parameters.positions.get(constant.name)
-    return constant if places is None else problem.parameters.entries[places[number]]
 
 
 def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
@@ -123,11 +113,6 @@ def _independent(problem: Problem, sigma: Array) -> list[ParameterGroup] | None:
     if not all(c.separate or c.fixed is not None for c in problem.parameters):
         return None
     return series_groups(problem, sigma)
-
-
-def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
-    parameters, own = problem.parameters, problem.closure.constant
-    return parameters["e_n"], parameters[own] if own else _NONE, parameters["mu"]
 
 
 def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
