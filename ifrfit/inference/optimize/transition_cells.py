@@ -176,8 +176,9 @@ class TransitionCells:
     def solved(self, center: tuple[float, float] = (0.0, 0.0)) -> SolvedCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
-        The free minimum of the lowest gives a value that is met, or else a transition on a wall. A cell whose bound lies more than `NEAR` above it is
-        left alone, unless there are few; one that the sums leave in doubt keeps the bound that needs no sums.
+        The free minimum of the cell of the lowest bound gives a value that is met, or else a transition on a
+        wall does. A cell whose bound lies more than `NEAR` above it is left alone, unless there are few; one
+        that the sums leave in doubt keeps the bound that needs no sums.
 
         Parameters
         ----------
@@ -241,7 +242,7 @@ class TransitionCells:
         these: ends of the domain are looked at only where a free minimum lies beyond one.
         """
         k, law, kappa0, (first, last) = low.size, self.law, self.kappa0, self.domain
-        cc, ck, kk, of_c, of_k, _ = form
+        cc, ck, kk, _, of_k, _ = form
         # the last cell has one wall, which is as good as any place where no row knows kappa
         is_last = high == np.inf
         walls = np.array((low, np.where(is_last, low, high)))
@@ -260,21 +261,18 @@ class TransitionCells:
         places[:, 0] = free
         at_c[1:3], at_kappa[1:3] = on_wall, wall
         if at_ends:
-            end = np.array(((first,), (last,)))
-            bound = law.b0 + law.b1 * end
-            slides = kk > 0.0
-            along = np.maximum(
-                (of_k - ck * end) / np.where(slides, kk, np.inf), walls[0] * bound - kappa0
-            )
+            end, slides = np.array(((first,), (last,))), kk > 0.0
+            lowest, highest = wall if law.b1 == 0.0 else walls[:, None] * (law.b0 + law.b1 * end) - kappa0
+            along = np.maximum((of_k - ck * end) / np.where(slides, kk, np.inf), lowest)
             at_c[3:] = end
-            at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, walls[1] * bound - kappa0))
+            at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, highest))
         value = value_at(form, at_c, at_kappa)
         value[0, outside] = np.inf
         best, every = value.argmin(axis=0), np.arange(k)
-        lowest = places[:, best, every]
-        linear = np.abs(form[C : K + 1] * lowest)
+        chosen = places[:, best, every]
+        linear = np.abs(form[C : K + 1] * chosen)
         errors = self.rounding * (size + 4.0 * (linear[0] + linear[1]))
-        return CellMinima(value[best, every], errors, lowest.T), doubtful
+        return CellMinima(value[best, every], errors, chosen.T), doubtful
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""
