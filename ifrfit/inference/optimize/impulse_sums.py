@@ -70,7 +70,7 @@ class ImpulseSums:
         slide = law.a0 + law.a1 * c
         return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
 
-    @cached_property
+    @property
     def _in_common(self) -> bool:
         return self.kappa == 0.0 and self.stick == self.slide
 
@@ -106,7 +106,7 @@ class ImpulseSums:
     @cached_property
     def direct(self) -> Array | None:
         """`ImpulseRows.direct` in what is left of c and kappa; None for nothing."""
-        if not self.rows.direct.any():
+        if not any(self.rows.direct.tolist()):
             return None
         made = self.rows.direct.copy()
         made[ONE] = value_at(made, self.c, self.kappa)

@@ -13,7 +13,7 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.multistart import multistart
-from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
+from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of, thetas_of_all
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     GroupOptimum,
@@ -171,7 +171,7 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
 def _of_all_series(problem: Problem, part: GroupOptimum) -> Optimum:
     """The optimum of one group, whose constants are those of all series."""
     every = [part.constants, *(constants for _, constants in part.minima[1:]), *part.extremes]
-    theta, *rest = thetas_of(problem, [[constants] * len(problem.series) for constants in every])
+    theta, *rest = thetas_of_all(problem, every)
     rivals = [(value, other) for (value, _), other in zip(part.minima[1:], rest, strict=False)]
     pairs = sorted([(part.objective, theta), *rivals], key=lambda pair: pair[0])
     extremes = tuple(rest[len(rivals) :])
