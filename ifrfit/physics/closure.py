@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,7 +138,7 @@ class Closure:
         """Passive range of the constant; (0, 0) without one."""
         return (0.0, 0.0) if self.own is None else self.own.domain(inertia_factor)
 
-    @property
+    @cached_property
     def bilinear(self) -> bool:
         """Whether the law is linear in the constants in either regime."""
         return isinstance(self.law(0.4), Coefficients)

@@ -9,6 +9,7 @@ rounding leaves in doubt is solved again from its own rows. Derived in docs/theo
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,13 +103,14 @@ def optimum_of(
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
     near = found.values <= found.value + _CHI2_95
-    points, n_stick = found.points[near], cells.n_stick[found.cells[near]].tolist()
+    points, n_stick = found.points[near].tolist(), cells.n_stick[found.cells[near]].tolist()
+    unknowns = [operator.itemgetter(i) for i in range(found.point.size)]
     return PiecewiseOptimum(
         found.point,
         chi2,
         gap,
         tuple(optima),
-        np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
+        np.array([end(points, key=one) for end in (min, max) for one in unknowns]),
         0 in n_stick,
         n_rows in n_stick,
     )

@@ -13,6 +13,7 @@ from ifrfit.inference.model.rows import Rows
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, direct_sums, is_separable
 from ifrfit.inference.optimize.piecewise import Array
 from ifrfit.inference.optimize.transition_cells import CC, KK, ONE, C, Index, K, value_at
+from ifrfit.physics.angles import Incidence
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observable import Observable
 
@@ -124,19 +125,26 @@ class ImpulseRows:
         incidence = self.rows.incidence if is_whole else self.rows.incidence.take(at)
         weight, value = self.weight[at], self.rows.value[at]
         which = None if len(self.parts) == 1 else self.rows.which[at]
-        u, v = np.empty((2, weight.size))
-        for observable, factor in self.parts:
-            assert observable.linear is not None
-            offset, slope = observable.linear(incidence, self.inertia_factor)
-            if factor != 1.0:
-                offset, slope = factor * offset, factor * slope
-            if which is None:
-                u, v = slope, value - offset
-            else:
+        if which is None:
+            u, v = self._of_part(incidence, value, *self.parts[0])
+        else:
+            u, v = np.empty((2, weight.size))
+            for observable, factor in self.parts:
                 here = which == self.rows.names.index(observable.name)
-                u[here], v[here] = slope[here], (value - offset)[here]
+                slope, left = self._of_part(incidence, value, observable, factor)
+                u[here], v[here] = slope[here], left[here]
         v *= weight
         return u * weight, v
+
+    def _of_part(
+        self, incidence: Incidence, value: Array, observable: Observable, factor: float
+    ) -> tuple[Array, Array]:
+        """Slope and value less offset, as one observable has them."""
+        assert observable.linear is not None
+        offset, slope = observable.linear(incidence, self.inertia_factor)
+        if factor != 1.0:
+            offset, slope = factor * offset, factor * slope
+        return slope, value - offset
 
     def chi2(self, c: float, kappa: float) -> float:
         """The sum of squares, from the rows themselves."""
@@ -150,7 +158,7 @@ class ImpulseRows:
             k *= u
             k -= v
             total += float(k @ k)
-        return total + max(0.0, float(value_at(self.direct, c, kappa)))
+        return total + max(0.0, float(value_at(self.direct.tolist(), c, kappa)))
 
 
 def _direct_coefficients(group: ParameterGroup) -> Array:

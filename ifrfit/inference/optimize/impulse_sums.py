@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -105,7 +106,7 @@ class ImpulseSums:
     @cached_property
     def direct(self) -> Array | None:
         """`ImpulseRows.direct` in what is left of c and kappa; None for nothing."""
-        if not self.rows.direct.any():
+        if not any(self.rows.direct.tolist()):
             return None
         made = self.rows.direct.copy()
         made[ONE] = value_at(made, self.c, self.kappa)
@@ -113,18 +114,20 @@ class ImpulseSums:
         made[K] -= made[CK] * self.c + made[KK] * self.kappa
         return made
 
-    def products(self, at: slice | Index, out: Array) -> Array:
-        """Products of some of the rows, (`width`, n)."""
+    def products(self, at: slice | Index, tau: Array, out: Sequence[Array]) -> Iterator[Array]:
+        """Write products of some of the rows, whose slip ratios are tau, to `out`, `width` times (n,).
+
+        They come one after another, so that all may be written to the same memory.
+        """
         u, v = self.rows.of_places(at)
-        x = 1.0 / self.rows.tau[at]
+        x = 1.0 / tau
         if not self._in_common:
             stick = v - self.stick * u
-            np.multiply(u, u, out=out[0])
-            np.multiply(u, stick, out=out[1])
-            np.multiply(stick, stick, out=out[2])
-        v = v - (self.slide if self._in_common else self.slide + self.kappa * x) * u
-        row_products(u, v, x, out[self.above])
-        return out
+            yield np.multiply(u, u, out=out[0])
+            yield np.multiply(u, stick, out=out[1])
+            yield np.multiply(stick, stick, out=out[2])
+        left = (self.slide if self._in_common else self.slide + self.kappa * x) * u
+        yield from row_products(u, np.subtract(v, left, out=left), x, out[self.above])
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
@@ -153,16 +156,18 @@ class ImpulseSums:
             Terms in a sum.
         """
         tau, n = self.rows.tau[order], order.size
-        terms = self.products(order, np.empty((self.width, n)))
+        terms = np.empty((self.width, n))
+        list(self.products(order, tau, list(terms)))
         sums = np.zeros((9, n + 1))
         np.add.accumulate(terms[:N_BELOW], axis=1, out=sums[:N_BELOW, 1:])
         # not as what is left of all: where x is large the difference would lose its digits
         np.add.accumulate(terms[self.above, ::-1], axis=1, out=sums[N_BELOW:, -2::-1])
         if outside is not None:
             sums += outside[:, None]
-        low, high = np.empty(n + 1), np.empty(n + 1)
-        low[0], high[-1] = ends
-        low[1:] = high[:-1] = tau
+        walls = np.empty(n + 2)
+        walls[0], walls[-1] = ends
+        walls[1:-1] = tau
+        low, high = walls[:-1], walls[1:]
         n_stick = np.arange(n_below, n_below + n + 1)
         change = high > low
         if np.count_nonzero(change) <= n:  # rows of equal tau change together
@@ -174,7 +179,7 @@ class ImpulseSums:
 
     def all_cells(self) -> TransitionCells:
         """The cells of all rows."""
-        order = self.rows.tau.argsort(kind="stable")  # in no time where rows come by angle
+        order = self.rows.tau.argsort()
         return self.cells(order, None, (0.0, np.inf), 0, float(order.size))
 
 

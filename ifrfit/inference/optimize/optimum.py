@@ -74,8 +74,16 @@ class Optimum:
 
 def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
     """Several thetas, (m, p), each from the (e_n, c, mu) of its series."""
-    values = np.array(combinations)
-    theta = values[:, *problem.parameters.sources]
+    return _inside(problem, np.array(combinations)[:, *problem.parameters.sources])
+
+
+def thetas_of_all(problem: Problem, constants: list[Constants]) -> Array:
+    """Several thetas, (m, p), each from the (e_n, c, mu) that all series have."""
+    return _inside(problem, np.array(constants).take(problem.parameters.sources[1], axis=1))
+
+
+def _inside(problem: Problem, theta: Array) -> Array:
+    """Thetas moved into the bounds, but for entries without end."""
     lower, upper = problem.parameters.bounds()
     inside = np.minimum(np.maximum(theta, lower), upper)
     endless = np.isinf(theta)

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.model.common_errors import refuse
-from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import LinearForm, linear_form
 from ifrfit.inference.optimize.multistart import multistart
-from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
+from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of, thetas_of_all
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     GroupOptimum,
@@ -28,8 +27,6 @@ from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
 from ifrfit.inference.optimize.tied_search import tied_search
 from ifrfit.inference.optimize.transition_search import optimum_in_c_and_kappa, unlimited
-
-_NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
 
 def solve(
@@ -60,10 +57,10 @@ def solve(
         raise refuse("The search for the optimum")
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
-    independent = independent_groups(problem, sigma)
+    independent = _independent(problem, sigma)
     if independent is not None:
         parts = []
-        for i, (group, _) in enumerate(independent):
+        for i, group in enumerate(independent):
             alone = solve_group(group, certified=proven or near is None)
             if alone is None and len(independent) == 1:
                 return multistart(problem, sigma, near)
@@ -80,8 +77,7 @@ def solve(
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
     """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
-    one = len(problem.series) == 1
-    e_n, c, mu = (_entry(problem, x, 0) if one else x for x in _specs(problem))
+    e_n, c, mu = problem.constants_of_all
     return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
@@ -92,7 +88,7 @@ def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
         e_n, c, mu = (
-            _entry(problem, x, number) if x.separate else replace(x, prior=None) for x in _specs(problem)
+            problem.entry(x, number) if x.separate else replace(x, prior=None) for x in problem.constants
         )
         groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
@@ -100,25 +96,23 @@ def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
     return groups
 
 
-def _entry(problem: Problem, constant: Parameter, number: int) -> Parameter:
-    """A constant as it is in one series: fixed where its entry of theta is."""
-    places = problem.parameters.positions.get(constant.name)
-    return constant if places is None else problem.parameters.entries[places[number]]
-
-
 def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
     """Groups that share no free constant, each with its rows; None where series share some of them only."""
+    groups = _independent(problem, sigma)
+    if groups is None:
+        return None
     if not problem.parameters.differ_by_series:
-        return [(whole_group(problem, sigma), np.arange(len(problem.rows)))]
+        return [(groups[0], np.arange(len(problem.rows)))]
+    return [(group, np.flatnonzero(problem.rows.series == number)) for number, group in enumerate(groups)]
+
+
+def _independent(problem: Problem, sigma: Array) -> list[ParameterGroup] | None:
+    """Groups that share no free constant: one, or one a series; None where series share some of them only."""
+    if not problem.parameters.differ_by_series:
+        return [whole_group(problem, sigma)]
     if not all(c.separate or c.fixed is not None for c in problem.parameters):
         return None
-    groups = enumerate(series_groups(problem, sigma))
-    return [(group, np.flatnonzero(problem.rows.series == number)) for number, group in groups]
-
-
-def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
-    parameters, own = problem.parameters, problem.closure.constant
-    return parameters["e_n"], parameters[own] if own else _NONE, parameters["mu"]
+    return series_groups(problem, sigma)
 
 
 def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
@@ -152,7 +146,8 @@ def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: Param
 
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     """Groups that share nothing: objectives and gaps add; a rival of one of them is a rival of the whole."""
-    spread = len(problem.series) // len(parts)  # one group has the constants of all series
+    if len(parts) == 1:
+        return _of_all_series(problem, parts[0])
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
     values, minima, extremes = [objective], [best], []
@@ -161,15 +156,27 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
         values += [objective + (value - part.objective) for value, _ in part.minima[1:]]
         minima += [[*below, constants, *above] for _, constants in part.minima[1:]]
         extremes += [[*below, constants, *above] for constants in part.extremes]
-    thetas = thetas_of(problem, [each * spread for each in minima + extremes])
+    thetas = thetas_of(problem, minima + extremes)
     pairs = sorted(zip(values, thetas, strict=False), key=lambda pair: pair[0])
     gaps = [part.gap for part in parts if part.gap is not None]
     gap = sum(gaps) if len(gaps) == len(parts) else None
     searched = [part.method for part in parts if part.method.endswith("series")]
-    method = (searched or ["all partitions of each series"])[0] if parts[1:] else parts[0].method
+    method = (searched or ["all partitions of each series"])[0]
     is_local = any(part.is_local for part in parts)
     return Optimum(
         pairs[0][1], objective, gap, tuple(pairs), method, tuple(thetas[len(minima) :]), is_local=is_local
+    )
+
+
+def _of_all_series(problem: Problem, part: GroupOptimum) -> Optimum:
+    """The optimum of one group, whose constants are those of all series."""
+    every = [part.constants, *(constants for _, constants in part.minima[1:]), *part.extremes]
+    theta, *rest = thetas_of_all(problem, every)
+    rivals = [(value, other) for (value, _), other in zip(part.minima[1:], rest, strict=False)]
+    pairs = sorted([(part.objective, theta), *rivals], key=lambda pair: pair[0])
+    extremes = tuple(rest[len(rivals) :])
+    return Optimum(
+        pairs[0][1], part.objective, part.gap, tuple(pairs), part.method, extremes, is_local=part.is_local
     )
 
 

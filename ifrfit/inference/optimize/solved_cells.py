@@ -49,9 +49,9 @@ class SolvedCells:
     @cached_property
     def best(self) -> int:
         """Place of the best among the solved."""
-        return int(np.argmin(self.values))
+        return int(self.values.argmin())
 
-    @property
+    @cached_property
     def value(self) -> float:
         """Least value."""
         return float(self.values[self.best])
@@ -60,6 +60,11 @@ class SolvedCells:
     def point(self) -> Array:
         """Where it is, (q,)."""
         return np.asarray(self.points[self.best])
+
+    @cached_property
+    def near(self) -> NDArray[np.intp]:
+        """Places, among the solved, of those within `NEAR` of the least value."""
+        return (self.values <= self.value + NEAR).nonzero()[0]
 
     @property
     def cell(self) -> int:
@@ -88,7 +93,7 @@ def local_minima(transition: TransitionAt, high: Array, found: SolvedCells) -> l
     """
     if not found.all_near_solved:
         return _runs(found)
-    near = (found.values <= found.value + NEAR).nonzero()[0]
+    near = found.near
     if near.size == 1:
         return [(found.value, found.point)]
     near = near[found.cells[near].argsort()]
@@ -99,7 +104,7 @@ def local_minima(transition: TransitionAt, high: Array, found: SolvedCells) -> l
     for stop in range(1, len(number) + 1):
         if stop < len(number) and number[stop] == number[stop - 1] + 1:
             kink = float(high[number[stop - 1]])
-            if any(_touches(kappa[i], kink * bound[i]) for i in (stop - 1, stop)):
+            if _touches(kappa[stop - 1], kink * bound[stop - 1]) or _touches(kappa[stop], kink * bound[stop]):
                 continue
         minima += _valleys(heights, start, stop, tolerance)
         start = stop

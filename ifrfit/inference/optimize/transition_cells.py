@@ -8,7 +8,9 @@ and four edges leave a minimum in closed form: section 7 of docs/theory/certific
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,19 +29,21 @@ CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 
 SIZE = 6  # no less than the terms that make up `ONE`
 _WALLS = 64  # on which a value is looked for
 _CHUNK = 4096  # cells solved at once
+_FEW = 128  # cells that are all solved
 _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
-def row_products(u: Array, v: Array, x: Array, out: Array) -> None:
-    """Write the products of each row that are summed to `out`, (6, ...)."""
-    np.multiply(u, u, out=out[UU])
-    np.multiply(u, v, out=out[UV])
-    np.multiply(v, v, out=out[VV])
-    np.multiply(u, x, out=out[UVX])
-    np.multiply(u, out[UVX], out=out[UUX])
-    np.multiply(out[UVX], out[UVX], out=out[UUXX])
-    out[UVX] *= v
+def row_products(u: Array, v: Array, x: Array, out: Sequence[Array]) -> Iterator[Array]:
+    """Write the products of each row that are summed to `out`, (n,) each, one after another; x is lost."""
+    uu, uv, vv, uux, uuxx, uvx = out
+    yield np.multiply(u, u, out=uu)
+    yield np.multiply(u, v, out=uv)
+    yield np.multiply(v, v, out=vv)
+    ux = np.multiply(u, x, out=x)
+    yield np.multiply(u, ux, out=uux)
+    yield np.multiply(ux, ux, out=uuxx)
+    yield np.multiply(ux, v, out=uvx)
 
 
 def quadratic_matrix(law: Coefficients) -> Array:
@@ -48,21 +52,21 @@ def quadratic_matrix(law: Coefficients) -> Array:
     They come in the order of `CC`, `CK`, `KK`, `C`, `K`, `ONE`, `SIZE`; of the sums the first three are over
     the rows that stick, the other six over those that slide.
     """
-    made = np.zeros((7, 9))
-    for part, a, b in (
-        (made[:, :N_BELOW], law.a0 + law.b0, law.a1 + law.b1),
-        (made[:, N_BELOW:], law.a0, law.a1),
-    ):
-        part[CC, UU] = b * b
-        part[C, UV], part[C, UU] = b, -b * a
-        part[ONE, UU], part[ONE, UV], part[ONE, VV] = a * a, -2.0 * a, 1.0
-        # 2 a uv is no more than a^2 u^2 + v^2
-        part[SIZE, UU], part[SIZE, VV] = 2.0 * a * a, 2.0 if a else 1.0
-    slide = made[:, N_BELOW:]
-    slide[CK, UUX] = law.a1
-    slide[KK, UUXX] = 1.0
-    slide[K, UVX], slide[K, UUX] = 1.0, -law.a0
-    return made
+    p, q = law.a0 + law.b0, law.a1 + law.b1  # k = p + q c where a row sticks
+    a, b = law.a0, law.a1
+    # 2 a uv is no more than a^2 u^2 + v^2
+    stick_size, slide_size = 2.0 if p else 1.0, 2.0 if a else 1.0
+    return np.array(
+        [
+            [q * q, 0.0, 0.0, b * b, 0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, b, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            [-q * p, q, 0.0, -b * a, b, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -a, 0.0, 1.0],
+            [p * p, -2.0 * p, 1.0, a * a, -2.0 * a, 1.0, 0.0, 0.0, 0.0],
+            [2.0 * p * p, 0.0, stick_size, 2.0 * a * a, 0.0, slide_size, 0.0, 0.0, 0.0],
+        ]
+    )
 
 
 def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, Bool]:
@@ -92,7 +96,7 @@ def lowest_anywhere(form: Array, size: Array, rounding: float) -> tuple[Array, B
     return one - by_c - by_kappa - error, doubtful
 
 
-def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
+def value_at(form: Array | Sequence[float], c: Array | float, kappa: Array | float) -> Array:
     """Chi2 of quadratics (6, ...) at (c, kappa)."""
     cc, ck, kk, of_c, of_k, one = form
     along_c = cc * c + 2.0 * (ck * kappa - of_c)
@@ -101,16 +105,24 @@ def value_at(form: Array, c: Array | float, kappa: Array | float) -> Array:
 
 def lowest_on_wall(
     form: Array, tau: Array, law: Coefficients, domain: tuple[float, float], kappa0: float
-) -> Array:
-    """The c of the least chi2 where the transition lies at tau: kappa0 + kappa = tau (b0 + b1 c)."""
-    foot = law.b0 * tau - kappa0
-    curved, slope = form[CC], form[C] - form[CK] * foot
-    if law.b1 != 0.0:  # else a wall lies at one kappa
+) -> tuple[Array, Array]:
+    """The (c, kappa) of the least chi2 where the transition lies at tau.
+
+    There kappa0 + kappa = tau (b0 + b1 c); tau is (m,) or (..., m) of quadratics (6, m).
+    """
+    cc, ck, kk, of_c, of_k, _ = form
+    foot = law.b0 * tau
+    foot -= kappa0
+    slope = of_c - ck * foot
+    if law.b1 == 0.0:  # a wall lies at one kappa
+        slope /= cc + _TINY
+    else:
         turn = law.b1 * tau
-        curved = curved + (2.0 * form[CK] + form[KK] * turn) * turn
-        slope += (form[K] - form[KK] * foot) * turn
-    c: Array = slope / (curved + _TINY)
-    return np.minimum(np.maximum(c, domain[0]), domain[1])
+        slope += (of_k - kk * foot) * turn
+        slope /= cc + (2.0 * ck + kk * turn) * turn + _TINY
+    np.maximum(slope, domain[0], out=slope)
+    c = np.minimum(slope, domain[1], out=slope)
+    return c, foot if law.b1 == 0.0 else tau * (law.b0 + law.b1 * c) - kappa0
 
 
 @dataclass(frozen=True)
@@ -148,14 +160,14 @@ class TransitionCells:
     @classmethod
     def joined(cls, runs: Sequence[TransitionCells]) -> TransitionCells:
         """Runs of cells, with a void between one and the next."""
-        first, *rest = runs
-        if not rest:
+        first = runs[0]
+        if len(runs) == 1:
             return first
         nowhere = np.zeros((6, 1))
         nowhere[ONE] = np.inf  # which is no minimum
-        void = nowhere, np.zeros(1), np.array([-1]), np.zeros(1), np.array([np.inf])
         parts = [(first.form, first.size, first.n_stick, first.low, first.high)]
-        for each in rest:
+        for before, each in itertools.pairwise(runs):
+            void = nowhere, np.zeros(1), np.array([-1]), before.high[-1:], each.low[:1]
             parts += [void, (each.form, each.size, each.n_stick, each.low, each.high)]
         form, size, n_stick, low, high = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         rounding = max(each.rounding for each in runs)
@@ -164,77 +176,105 @@ class TransitionCells:
     def solved(self, center: tuple[float, float] = (0.0, 0.0)) -> SolvedCells:
         """Minimum of every cell that may hold one within `NEAR` of the least, and a lower bound of the rest.
 
-        A transition on a wall gives a value that is met. A cell whose bound lies more than `NEAR` above it is
-        left alone, one that the sums leave in doubt keeps the bound that needs no sums.
+        The free minimum of the cell of the lowest bound gives a value that is met, or else a transition on a
+        wall does. A cell whose bound lies more than `NEAR` above it is left alone, unless there are few; one
+        that the sums leave in doubt keeps the bound that needs no sums.
 
         Parameters
         ----------
         center : (float, float)
             What c and kappa lack here: it is added to the points.
         """
-        bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
-        np.maximum(bounds, 0.0, out=bounds)
-        bounds[doubtful] = 0.0
-        some = slice(None, None, self.n_stick.size // _WALLS + 1)
-        form, walls = self.form[:, some], self.low[some]
-        c = lowest_on_wall(form, walls, self.law, self.domain, self.kappa0)
-        met = value_at(form, c, walls * (self.law.b0 + self.law.b1 * c) - self.kappa0)
-        limit = max(float(met[met.argmin()]), float(bounds[bounds.argmin()])) + NEAR
-        which = (~(bounds > limit)).nonzero()[0]
-        parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
-        found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
-        least = found.values - found.errors
-        sure = ~doubtful[which]
-        bounds[which[sure]] = least[sure]
-        points = found.points + center
+        if self.n_stick.size <= _FEW:  # sooner solved than looked through
+            found, doubtful = self._minima(self.form, self.size, self.low, self.high)
+            which, bounds = np.arange(self.n_stick.size), found.values - found.errors
+            bounds[doubtful] = 0.0
+        else:
+            bounds, doubtful = lowest_anywhere(self.form, self.size, self.rounding)
+            np.maximum(bounds, 0.0, out=bounds)
+            bounds[doubtful] = 0.0
+            lowest = int(bounds.argmin())
+            met = math.inf if doubtful[lowest] else self._met_near(lowest)
+            if not math.isfinite(met):
+                met = self._met_on_walls()
+            which = (~(bounds > max(met, float(bounds[lowest])) + NEAR)).nonzero()[0]
+            parts = [self.minima(which[i : i + _CHUNK]) for i in range(0, which.size, _CHUNK)]
+            found = parts[0] if len(parts) == 1 else CellMinima.joined(parts)
+            least = found.values - found.errors
+            sure = ~doubtful[which]
+            bounds[which[sure]] = least[sure]
+        points = found.points
+        points += center
         return SolvedCells(found.values, found.errors, points, which, bounds, all_near_solved=True)
 
+    def _met_near(self, cell: int) -> float:
+        """Chi2 at the free minimum of a cell, with c in its domain; infinite where it lies in no cell."""
+        cc, ck, kk, of_c, of_k, _ = self.form[:, cell].tolist()
+        det = cc * kk - ck * ck
+        if det <= 0.0:
+            return math.inf
+        c = min(max((of_c * kk - ck * of_k) / det, self.domain[0]), self.domain[1])
+        kappa, bound = (cc * of_k - ck * of_c) / det, self.law.b0 + self.law.b1 * c
+        if bound <= 0.0:
+            return math.inf
+        tau = (self.kappa0 + kappa) / bound
+        at = int(self.low.searchsorted(tau, side="right")) - 1
+        if at < 0 or tau > self.high[at]:
+            return math.inf
+        return float(value_at(self.form[:, at].tolist(), c, kappa))
+
+    def _met_on_walls(self) -> float:
+        """The least chi2 with the transition on some of the walls."""
+        some = slice(None, None, self.n_stick.size // _WALLS + 1)
+        form = self.form[:, some]
+        met = value_at(form, *lowest_on_wall(form, self.low[some], self.law, self.domain, self.kappa0))
+        return float(met[met.argmin()])
+
     def minima(self, which: Index) -> CellMinima:
-        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c.
+        """Minimum of chosen cells: inside, on a wall, or at an end of the domain of c."""
+        form = self.form.take(which, axis=1)
+        return self._minima(form, self.size[which], self.low[which], self.high[which])[0]
+
+    def _minima(self, form: Array, size: Array, low: Array, high: Array) -> tuple[CellMinima, Bool]:
+        """Minimum of cells, and which of them the sums leave in doubt.
 
         A convex function that is least beyond some edges of a cell has its minimum in the cell on one of
         these: ends of the domain are looked at only where a free minimum lies beyond one.
         """
-        k, law, kappa0, (first, last) = which.size, self.law, self.kappa0, self.domain
-        low, high = self.low[which], self.high[which]
-        form = self.form.take(which, axis=1)
-        cc, ck, kk, of_c, of_k, _ = form
+        k, law, kappa0, (first, last) = low.size, self.law, self.kappa0, self.domain
+        cc, ck, kk, _, of_k, _ = form
         # the last cell has one wall, which is as good as any place where no row knows kappa
         is_last = high == np.inf
-        high = np.where(is_last, low, high)
+        walls = np.array((low, np.where(is_last, low, high)))
         both, det = cc * kk, ck * ck
         np.subtract(both, det, out=det)
-        flat = det <= FLAT * both
+        doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
         det[flat] = np.inf
-        c, kappa = (of_c * kk - ck * of_k) / det, (cc * of_k - ck * of_c) / det
+        # (C, K) times (KK, CC) less CK times (K, C)
+        c, kappa = free = (form[C : K + 1] * form[KK::-KK] - ck * form[K : C - 1 : -1]) / det
         beyond = flat | (c < first) | (c > last)
-        bound = law.b0 + law.b1 * c
-        outside = beyond | (kappa < low * bound - kappa0) | ((kappa > high * bound - kappa0) & ~is_last)
-        walls, twice = np.concatenate((low, high)), np.concatenate((form, form), axis=1)
-        on_wall = lowest_on_wall(twice, walls, law, self.domain, kappa0)
-        forms, at_c = [form, twice], [c, on_wall]
-        at_kappa = [kappa, walls * (law.b0 + law.b1 * on_wall) - kappa0]
-        if np.count_nonzero(beyond):
-            slides = kk > 0.0
-            turns = np.where(slides, kk, np.inf)
-            for end in self.domain:
-                bound = law.b0 + law.b1 * end
-                along = np.maximum((of_k - ck * end) / turns, low * bound - kappa0)
-                capped = np.minimum(along, high * bound - kappa0)
-                forms.append(form)
-                at_c.append(np.full(k, end))
-                at_kappa.append(np.where(is_last & slides, along, capped))
-        c, kappa = np.concatenate(at_c), np.concatenate(at_kappa)
-        value = value_at(np.concatenate(forms, axis=1), c, kappa)
-        value[:k][outside] = np.inf
-        best = value.reshape(-1, k).argmin(axis=0) * k + np.arange(k)
-        c, kappa = c[best], kappa[best]
-        linear = np.abs(of_c * c) + np.abs(of_k * kappa)
-        points = np.array((c, kappa)).T
-        return CellMinima(value[best], self.rounding * (self.size[which] + 4.0 * linear), points)
+        on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
+        edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
+        outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) > is_last)
+        at_ends = np.count_nonzero(beyond) > 0
+        at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
+        places[:, 0] = free
+        at_c[1:3], at_kappa[1:3] = on_wall, wall
+        if at_ends:
+            end, slides = np.array(((first,), (last,))), kk > 0.0
+            lowest, highest = wall if law.b1 == 0.0 else walls[:, None] * (law.b0 + law.b1 * end) - kappa0
+            along = np.maximum((of_k - ck * end) / np.where(slides, kk, np.inf), lowest)
+            at_c[3:] = end
+            at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, highest))
+        value = value_at(form, at_c, at_kappa)
+        value[0, outside] = np.inf
+        best, every = value.argmin(axis=0), np.arange(k)
+        chosen = places[:, best, every]
+        linear = np.abs(form[C : K + 1] * chosen)
+        errors = self.rounding * (size + 4.0 * (linear[0] + linear[1]))
+        return CellMinima(value[best, every], errors, chosen.T), doubtful
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""
-        cc, ck, kk, *_ = self.form.take(which, axis=1)
-        both = cc * kk
-        return bool(((cc > 0.0) & (both - ck * ck >= DOUBTFUL * both)).all())
+        cells = self.form[:C].take(which, axis=1).T.tolist()
+        return all(cc > 0.0 and cc * kk - ck * ck >= DOUBTFUL * (cc * kk) for cc, ck, kk in cells)

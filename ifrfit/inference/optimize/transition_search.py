@@ -13,9 +13,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.branch_and_bound import optimum_of
-from ifrfit.inference.optimize.impulse_rows import BLOCK, ImpulseRows
+from ifrfit.inference.optimize.impulse_rows import ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums, rounding_of
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
@@ -51,8 +52,13 @@ def optimum_in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
         return None
     e_n, objective = restitution_optimum(group)
     unit = 1.0 + e_n
-    minima = tuple((value + objective, (e_n, t[0], t[1] / unit)) for value, t in optimum.optima)
-    extremes = [(e_n, t[0], t[1] / unit) for t in optimum.extremes]
+
+    def constants(t: list[float]) -> Constants:
+        c, kappa = t
+        return e_n, c, kappa / unit
+
+    minima = tuple((value + objective, constants(t.tolist())) for value, t in optimum.optima)
+    extremes = [constants(t) for t in optimum.extremes.tolist()]
     extremes += unlimited(group, optimum, minima[0][1])
     return GroupOptimum(minima[0][1], optimum.chi2 + objective, optimum.gap, minima, tuple(extremes))
 
@@ -87,7 +93,7 @@ def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     if solved is None:
         return None
     found, law = solved.found, rows.law
-    if not solved.cells.determine(found.cells[found.values <= found.value + NEAR]):
+    if not solved.cells.determine(found.cells[found.near]):
         return None
 
     def transition(points: Array) -> tuple[Array, Array]:
@@ -134,7 +140,7 @@ class _Bins:
 
     Attributes
     ----------
-    which : ndarray of int, (n,)
+    which : ndarray of uint16, (n,)
         Interval of each row; it never falls where tau rises.
     count : ndarray of int, (m,)
     sums : ndarray, (6 or 9, m)
@@ -143,7 +149,7 @@ class _Bins:
         Ends of the intervals; those of the first and the last reach to 0 and to infinity.
     """
 
-    which: Index
+    which: NDArray[np.uint16]
     count: Index
     sums: Array
     edges: Array
@@ -156,18 +162,19 @@ class _Bins:
         # 1/(1 + tau) is spread as angles are, and never rises with tau, rounded or not
         top = 1.0 / (1.0 + low)
         scale = m * (1.0 - 1e-9) / (top - 1.0 / (1.0 + high))
-        which = np.empty(tau.size, dtype=np.intp)
+        which = np.empty(tau.size, dtype=np.uint16)
         count, sums = np.zeros(m, dtype=np.intp), np.zeros((own.width, m))
-        buffer = np.empty((own.width, min(BLOCK, tau.size)))
         for at in own.rows.blocks():
             place = tau[at] + 1.0
             np.divide(-scale, place, out=place)
             place += top * scale
-            here = which[at]
-            here[:] = place
+            here = place.astype(np.intp)
+            which[at] = here
             count += np.bincount(here, minlength=m)
-            for total, terms in zip(sums, own.products(at, buffer[:, : place.size]), strict=True):
-                total += np.bincount(here, terms, m)
+            # a term at a time in the same memory: of new memory a page costs more than the sum over it
+            products = own.products(at, tau[at], [place] * own.width)
+            for total, term in zip(sums, products, strict=True):
+                total += np.bincount(here, term, m)
         edges = 1.0 / (top - np.arange(m + 1.0) / scale) - 1.0
         edges[0], edges[-1] = 0.0, np.inf
         return cls(which, count, sums, edges)
@@ -175,23 +182,26 @@ class _Bins:
 
 def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
     """The cells of the intervals that may hold a minimum within `NEAR` of the best."""
-    m, law = bins.count.size, own.law
+    m = bins.count.size
     outside = np.zeros((9, m + 1))  # below and above each edge
     np.cumsum(bins.sums[:N_BELOW], axis=1, out=outside[:N_BELOW, 1:])
     np.cumsum(bins.sums[own.above, ::-1], axis=1, out=outside[N_BELOW:, m - 1 :: -1])
     depth = float(m + bins.count.max())
     # the transition on an edge between intervals: a value that is met
     form, tau = own.quadratics(outside[:, 1:-1])[0], bins.edges[1:-1]
-    c = lowest_on_wall(form, tau, law, own.domain, own.kappa)
-    met = float(value_at(form, c, tau * (law.b0 + law.b1 * c) - own.kappa).min())
+    met = float(value_at(form, *lowest_on_wall(form, tau, own.law, own.domain, own.kappa)).min())
     chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
-    inner = np.flatnonzero(chosen[bins.which])
+    change = np.zeros(m + 2, dtype=bool)
+    change[1:-1] = chosen
+    ends = (change[1:] != change[:-1]).nonzero()[0].tolist()
+    runs = list(zip(ends[::2], ends[1::2], strict=True))
+    inner = ((bins.which >= ends[0]) & (bins.which < ends[-1])).nonzero()[0]
+    if len(runs) > 1:
+        inner = inner[chosen[bins.which[inner]]]
     inner = inner[own.rows.tau[inner].argsort()]
-    change = np.diff(chosen, prepend=False, append=False)
-    ends = np.flatnonzero(change).reshape(-1, 2)
     sticking = np.concatenate(([0], bins.count.cumsum()))
     pieces, first = [], 0
-    for start, stop in ends.tolist():
+    for start, stop in runs:
         n_below = int(sticking[start])
         last = first + int(sticking[stop]) - n_below
         around = np.concatenate((outside[:N_BELOW, start], outside[N_BELOW:, stop]))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from simulated import simulated
 
 import ifrfit
-from ifrfit.inference.optimize import transition_search
+from ifrfit.inference.optimize import transition_cells, transition_search
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.impulse_rows import ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums
@@ -225,6 +225,39 @@ def test_every_cell_has_the_minimum_of_the_general_solution(group: ParameterGrou
     off = np.abs(found.values - expected.values)
     allowed = 10.0 * (found.errors + expected.errors) + 1e-9 * (1.0 + np.abs(expected.values))
     assert (off <= allowed)[~doubtful].all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(groups())
+def test_few_cells_and_many_are_solved_alike(group: ParameterGroup) -> None:
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    cells, found = ImpulseSums.of(rows).all_cells(), []
+    for few in (0, 1000):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(transition_cells, "_FEW", few)
+            found.append(cells.solved((rows.domain[0], 0.25)))
+    many, all_solved = found
+    np.testing.assert_array_equal(all_solved.cells, np.arange(cells.n_stick.size))
+    np.testing.assert_array_equal(many.cells[many.near], all_solved.cells[all_solved.near])
+    np.testing.assert_array_equal(many.values, all_solved.values[many.cells])
+    np.testing.assert_array_equal(many.points, all_solved.points[many.cells])
+    assert (all_solved.bounds <= np.maximum(all_solved.values, 0.0)).all()  # chi2 is no less
+
+
+@settings(max_examples=60, deadline=None)
+@given(groups())
+def test_a_value_that_is_met_is_chi2_at_some_place(group: ParameterGroup) -> None:
+    """Of every cell, not of the lowest alone: what were no chi2 would exclude the optimum."""
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    cells = ImpulseSums.of(rows).all_cells()
+    every = cells.minima(np.arange(cells.n_stick.size))
+    best = every.values.argmin()
+    least = every.values[best] - 2.0 * every.errors[best] - 1e-9 * (1.0 + every.values[best])
+    met = [cells._met_near(cell) for cell in range(cells.n_stick.size)]
+    assert min(met) >= least
+    assert cells._met_on_walls() >= least
 
 
 def test_what_is_left_alone_lies_above_a_value_that_is_met() -> None:
