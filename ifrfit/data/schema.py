@@ -26,6 +26,7 @@ _PROVENANCE_SPELLINGS = {"digitized": "digitised", "simulation": "simulated", "s
 # Nothing that was measured or computed in double precision lies below 1e-60 without being 0: rounding leaves
 # 1e-17, a product of three such residues 1e-51.
 TINY = 1e-60
+BY_NOISE = 1.0  # below its least value, what noise may make of a reading of an observable; codes lie beyond
 SIGMA_RANGE = (1e-15, 1e6)
 SPEED_RANGE = (1e-9, 1e5)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import Cells, show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
-from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
+from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.data.table_forms import Piece
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array, sincos
@@ -88,6 +88,13 @@ def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
         outside = (value < observable.low) | (value > observable.high)
         tiny = (np.abs(value) < TINY) & (value != 0)
         unit = " degrees" if observable.unit == "deg" else ""
+        yield (
+            "value",
+            here & (value < observable.low) & (value > observable.low - BY_NOISE),
+            f"{{}}{unit} is impossible for {name} ({observable.low:g} to {observable.high:g}{unit}). "
+            "Correct it; where noise makes such readings, leave out the whole setting, as by --gamma-max, "
+            "not these alone: what remains of it is too large.",
+        )
         yield (
             "value",
             here & outside,

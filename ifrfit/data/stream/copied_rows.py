@@ -106,8 +106,10 @@ class CopiedRows:
     def tidy(self) -> None:
         """One entry for each impact, as many as are kept, in the order of the lots."""
         if self.waiting:
-            lots, met, impacts = zip(*self.parts(), strict=True)
-            self.lots, self.met, self.impacts = np.concatenate(lots), np.hstack(met), np.hstack(impacts)
+            parts = self.parts()
+            self.lots = np.concatenate([lots for lots, _, _ in parts])
+            self.met = np.hstack([met for _, met, _ in parts])
+            self.impacts = np.hstack([impacts for _, _, impacts in parts])
             self.waiting = []
         if not self.lots.size:
             return

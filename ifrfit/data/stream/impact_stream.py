@@ -21,7 +21,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
-from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
+from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows, same_in_all
@@ -378,6 +378,7 @@ class ImpactStream:
             if self.has_sigma:
                 low, high = SIGMA_RANGE
                 refused[f"sigma of {name}"] = ~((sigma >= low) & (sigma <= high))
+            self._note_cut(tally, name, measured & ~np.any([*settings.values()], axis=0), layout, incidence)
             for reason, bad in refused.items():
                 tally.leave_out(good & bad, reason, cells)
                 good = good & ~bad
@@ -385,6 +386,16 @@ class ImpactStream:
             at = np.flatnonzero(good)
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
+
+    def _note_cut(self, tally: Tally, name: str, usable: Mask, layout: Layout, incidence: Incidence) -> None:
+        """Count values just below the least one, which are left out."""
+        of, value = OBSERVABLES[name], layout.numbers(name)
+        at = np.flatnonzero(usable & (value < of.low) & (value > of.low - BY_NOISE))
+        if at.size:
+            slope = np.ones(value.size) if of.by_e_n is None else of.by_e_n(incidence)
+            pulls = slope[at] / (layout.sigmas(name)[at] if self.has_sigma else 1.0)
+            pull = float(pulls.sum(where=np.isfinite(pulls)))
+            tally.note_cut(name, at.size, float(value[at].min()), float(layout.gamma()[at].min()), pull)
 
     def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
         """Values of an observable in impacts of which no observable before it has taken the same measurement.

@@ -44,6 +44,10 @@ class Tally:
         By the header of a column.
     open : dict of str to (str, bool)
         What a header leaves open: what is wrong unless a value answers, and whether one did; by the header.
+    cut : dict of str to (int, float, float, float)
+        Values of an observable left out just below its least one, as noise may make them: how many, the
+        least of them, the least angle of incidence at which one stands, degrees, and the sum of their slopes
+        with e_n over sigma.
     """
 
     rows: int = 0
@@ -56,6 +60,17 @@ class Tally:
     open: dict[str, tuple[str, bool]] = field(default_factory=dict)
     read: dict[int, int] = field(default_factory=dict)
     excluded: dict[tuple[int, int], None] = field(default_factory=dict)
+    cut: dict[str, tuple[int, float, float, float]] = field(default_factory=dict)
+
+    def note_cut(self, name: str, count: int, least: float, gamma: float, pull: float) -> None:
+        """Count values of an observable that are left out just below its least one, see `cut`."""
+        known = self.cut.get(name, (0, math.inf, math.inf, 0.0))
+        self.cut[name] = (
+            known[0] + count,
+            min(known[1], least),
+            min(known[2], gamma),
+            known[3] + pull,
+        )
 
     def note_sizes(self, cells: Cells, header: str, values: NDArray[np.float64]) -> None:
         """See whether a column holds what may be a code for "not measured"."""
@@ -129,6 +144,8 @@ class Tally:
         self.excluded.update(following.excluded)
         for header, (said, answered) in following.open.items():
             self.note_open(header, said, answered)
+        for name, cut in following.cut.items():
+            self.note_cut(name, *cut)
         return self.numbers_of(following.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -144,6 +161,7 @@ class Tally:
             "open": self.open,
             "read": list(self.read.items()),
             "excluded": list(self.excluded),
+            "cut": self.cut,
         }
 
     @classmethod
@@ -160,6 +178,7 @@ class Tally:
             {header: (said, answered) for header, (said, answered) in found["open"].items()},
             dict(map(tuple, found["read"])),
             dict.fromkeys(found["excluded"]),
+            {name: (cut[0], cut[1], cut[2], cut[3]) for name, cut in found["cut"].items()},
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

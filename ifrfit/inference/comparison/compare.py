@@ -160,15 +160,14 @@ def compare(
         from ifrfit.inference.sufficient_statistics.passes import Reader
         from ifrfit.inference.workers.crews import crew_of
 
-        if not closures:
-            asked, notes = _linear(asked)
+        asked, uncompared = (asked, "") if closures else _linear(asked)
         notes += applied_where(asked, chosen.named_constants())
         with (
             shown_in_notebook(progress, "comparing", "rows") as seen,
             crew_of(workers, scheduler) as crew,
         ):
             reader = Reader(stream, crew, None, seen)
-            return _compare_stream(reader, asked, chosen, scatter, notes, seed, command)
+            return _compare_stream(reader, asked, chosen, scatter, notes, uncompared, seed, command)
     if workers > 1 or scheduler is not None:
         given = "workers" if workers > 1 else "scheduler"
         raise UsageError(
@@ -198,14 +197,12 @@ def compare(
         raise ComparisonInterrupted(said, _weighed(fits, (*notes, said), loo=False, seed=seed)) from None
 
 
-def _linear(closures: Sequence[Closure]) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
-    """Closures whose sums decide, and which others are left out."""
-    said = tuple(
-        f"{c.title} is left out: it needs the rows one by one, which are not held in memory."
-        for c in closures
-        if not c.bilinear
-    )
-    return tuple(c for c in closures if c.bilinear), said
+def _linear(closures: Sequence[Closure]) -> tuple[tuple[Closure, ...], str]:
+    """Closures whose sums decide, and what is said of the others, which are left out."""
+    others = [c.title for c in closures if not c.bilinear]
+    verb, rows = ("is", "needs its") if len(others) == 1 else ("are", "need their")
+    said = f"{joined(others)} {verb} not compared: {rows} rows one by one, which are not held in memory."
+    return tuple(c for c in closures if c.bilinear), said if others else ""
 
 
 def _compare_stream(
@@ -214,10 +211,14 @@ def _compare_stream(
     model: Model,
     noise: Noise,
     notes: tuple[str, ...],
+    uncompared: str,
     seed: int,
     command: str,
 ) -> Comparison:
-    """Closures side by side on the same sums; impacts are not left out one by one."""
+    """Closures side by side on the same sums; impacts are not left out one by one.
+
+    `uncompared` is what the verdict says of closures that cannot be compared so.
+    """
     from ifrfit.inference.sufficient_statistics.stream_fit import fit_stream
 
     asked = [asked_of_stream(reader.stream, model.with_closure(c), c, noise, seed) for c in closures]
@@ -246,6 +247,7 @@ def _compare_stream(
     evidence = {name: fit.fit.log_evidence or 0.0 for name, fit in fits.items()}
     entries = _entries(fits, evidence, {})
     verdict = verdict_of(entries, priors)
+    verdict = replace(verdict, says=f"{verdict.says} {uncompared}".rstrip())
     shown = {
         c.name: replace(entries[c.name], fit=each.result) for c, each in zip(closures, found, strict=True)
     }

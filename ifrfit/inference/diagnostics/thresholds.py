@@ -188,7 +188,9 @@ FACTS = {
     f"number of ends of observables, is below {REFUTED:g}, the noise taken from its own rows; of e_n also "
     f"where errors cut off at 1 make {TIMES_GIVEN:g} times exp(-fall/2) so small; the law runs through the "
     f"readings beside the end, and of none more than {MOST_MISSING:g} times as many are missing "
-    "as are there (errors are skewed then); looked for where nothing else is found",
+    "as are there (errors are skewed then); looked for where nothing else is found; of data that are not "
+    "held in memory also where values were left out less than 1 below the least one that can be, whose "
+    "sum of slope/sigma is a tenth of the root of the sum of slope^2/sigma^2 of those used, or more",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal; or three readings or more of any observable, twice "
     f"as many as of any other number, are the mean of all others (p < {REFUTED:g} by rounding and noise, "

@@ -45,7 +45,7 @@ _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
 _TILT = 5.0  # degrees by which a camera may look past the plane of motion, as an example
 _DRIFT = 0.01  # m/s by which the wall or the tracking may move, as an example
 _BETWEEN = 0.005  # s between reading and impact, as an example
-_COMPLETE = "no reading left out or picked for its value"
+COMPLETE = "no reading left out or picked for its value"
 
 
 def assumed_of(
@@ -90,7 +90,7 @@ def assumed_of(
         words,
         _count_words(problem),
         of_errors,
-        _COMPLETE,
+        COMPLETE,
         offset,
         zero,
     )

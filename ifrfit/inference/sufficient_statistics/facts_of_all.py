@@ -43,6 +43,7 @@ Index = NDArray[np.intp]
 
 _LAST_DIGITS = 4.0  # units of its last digit that a sum of squares is known to
 _OF_ITS_SD = 0.1  # of the sd of a sum of squares, which it may be wrong by
+_OF_CUT = "may follow from the readings that were left out: mend that first"
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -185,12 +186,13 @@ def facts_of_all(
     sample: FitResult | DataError,
     of_means: Fact,
     copied: CopiedImpacts | None,
+    cut: Fact | None,
     seed: int,
 ) -> dict[str, Fact]:
     """Of the optimum and of the method those of all impacts, the others those of the sample.
 
     `result` is that of condensed rows, `statistics` are those of all impacts, as are `of_means` (whether
-    these follow the closure) and `copied`.
+    these follow the closure), `copied`, and `cut` (readings that were left out for their size).
     """
     shared = _shared_constants(problem, optimum, statistics, of_means)
     if not isinstance(sample, DataError) and _has_slipped(sample):
@@ -210,15 +212,15 @@ def facts_of_all(
     )
     own["at_bound"] = at_bound(result.constants)
     own["lack_of_fit"] = _fit_of_rows(statistics, sample, of_means) or of_means
+    first = {} if cut is None else {"truncation": cut}
     if isinstance(sample, DataError):
-        return own
+        return {**first, **own}
     scatter = sample.facts.get("lack_of_fit")
     if scatter is not None and not scatter.ok and own["lack_of_fit"].ok:
         del own["lack_of_fit"]  # means of many values do not tell how far single ones scatter
     of_rows = dict(sample.facts)
-    first = {}
     if copied is not None and sample.fit.n < statistics.n:
-        first = {"duplicates": copied.fact}
+        first |= {"duplicates": copied.fact}
         of_rows.pop("duplicates", None)
     checked = _predictive(sample, estimation, seed)
     if checked is not None:
@@ -231,9 +233,12 @@ def facts_of_all(
         for name, fact in of_rows.items()
         if name not in own and name not in first
     }
+    failing = {k: f for k, f in looked.items() if not f.ok}
+    if cut is not None:
+        failing = {k: replace(f, says=f"{f.says}; {_OF_CUT}") for k, f in failing.items()}
     return {
         **first,  # whatever else misfits may follow from it
-        **{k: f for k, f in looked.items() if not f.ok},
+        **failing,
         **own,
         **{k: f for k, f in looked.items() if f.ok},
     }

@@ -24,6 +24,7 @@ from ifrfit.data.readers import observe
 from ifrfit.data.stream.refusals import check_series, refuse_tiny_sigmas
 from ifrfit.data.stream.repeated_ids import without_repeated_ids
 from ifrfit.data.stream.row_places import Place
+from ifrfit.data.stream.unused_values import without_impossible
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.estimators import Bootstrap
@@ -32,6 +33,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.integrators import ExactPosterior
+from ifrfit.inference.result.assumptions import COMPLETE
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.deferred import Deferred, Postponed, replaced
 from ifrfit.inference.result.estimation import Estimation
@@ -46,6 +48,7 @@ from ifrfit.inference.sufficient_statistics.accumulated import (
 )
 from ifrfit.inference.sufficient_statistics.condensed_transition import solve_condensed
 from ifrfit.inference.sufficient_statistics.copied_impacts import copied_impacts
+from ifrfit.inference.sufficient_statistics.cut_readings import cut_readings
 from ifrfit.inference.sufficient_statistics.facts_of_all import (
     Correction,
     assumed_by,
@@ -301,6 +304,7 @@ def _estimated(
     )
     copied = Postponed(partial(copied_impacts, of, problem, optimum))
     rounding = Rounding.of(of)
+    cut = cut_readings(of)
 
     def looked_at() -> FitResult | DataError:
         if beaten > _BEATEN:
@@ -313,7 +317,9 @@ def _estimated(
         effect = 1.0 if copied.value is None else copied.value.effect
         means = lack_of_fit_of_means(problem, optimum, kinds, rounding, effect)
         rows = looked_at()
-        return facts_of_all(problem, optimum, result, statistics, estimation, rows, means, copied.value, seed)
+        return facts_of_all(
+            problem, optimum, result, statistics, estimation, rows, means, copied.value, cut, seed
+        )
 
     def shown_of_sample() -> pd.DataFrame:
         drawn = sample.value
@@ -324,7 +330,8 @@ def _estimated(
     points = Postponed(shown_of_sample)
 
     def warnings() -> tuple[str, ...]:
-        of_sample = _of_sample(sample.value, looked_at(), len(points.value), source, has_spin=stream.has_spin)
+        title, kept = asked.closure.title, len(points.value)
+        of_sample = _of_sample(sample.value, looked_at(), kept, source, title, has_spin=stream.has_spin)
         left_out = warnings_of(of, source)
         return *result.warnings, *left_out, *_of_ids(of), *_of_condensing(solved), of_sample
 
@@ -332,7 +339,8 @@ def _estimated(
         drawn = sample.value
         if isinstance(drawn, DataError) or beaten > _BEATEN:
             return assumed
-        return assumed_by(drawn, result, assumed)
+        said = assumed_by(drawn, result, assumed)
+        return tuple(each for each in said if each != COMPLETE) if of.tally.cut else said
 
     condensed = replaced(
         result,
@@ -379,17 +387,18 @@ def _of_sample(
     looked_at: FitResult | DataError,
     kept: int,
     source: Source,
+    title: str,
     *,
     has_spin: bool,
 ) -> str:
-    """What is said of the sample, of which some points are kept."""
+    """What is said of the sample, of which some points are kept, under a closure."""
     if isinstance(sample, DataError):
         said = (
             f"no fact on single rows was looked for, because a sample of them is refused: {sample.in_shell}"
         )
         return f"{said} Transition angles are those without spin before impact" if has_spin else said
     if isinstance(looked_at, DataError):
-        return f"no fact on single rows was looked for: {looked_at.in_shell}"
+        return f"no fact on single rows was looked for under {title}: {looked_at.in_shell}"
     drawn = len(sample.points)
     said = f"facts on single rows were looked for in a sample of {drawn:,} values of {source.rows_used:,}"
     if has_spin and drawn < source.rows_used:
@@ -460,6 +469,7 @@ def _sample(of: Accumulated, fit_sample: SampleFit) -> FitResult | DataError:
     try:
         places = of.sample.places(stream.portions, stream.path, of.tally.read)
         cells, _ = without_repeated_ids(of.sample.cells(stream.path, places), stream.conventions)
+        cells = without_impossible(cells, stream.conventions, stream.observables)
         return fit_sample(_at(places, observe(cells, stream.conventions, stream.inertia_factor)))
     except DataError as error:
         return error
