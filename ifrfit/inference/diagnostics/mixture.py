@@ -7,9 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
+from ifrfit.inference.diagnostics.change_points import Run, best_run
+from ifrfit.inference.diagnostics.linear_mixture import Linearised, LinearKinds, linear_kinds
+from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.slips.nuisances import is_in_order
 from ifrfit.inference.diagnostics.slips.refit import Misfit
-from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS
+from ifrfit.inference.diagnostics.thresholds import ALIKE, BESIDE, FACTS, REFUTED
+from ifrfit.inference.diagnostics.unimodal_errors import drop_of_unimodal_errors
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
@@ -17,38 +23,43 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.result.types import Fact
 
-_FEWEST = 12  # impacts below which no two kinds are looked for
+_FEWEST = 10  # impacts below which no two kinds are looked for
 _MOST = 20_000  # beyond, it would take more than seconds
-_SUSPECT = 2.0  # standard deviations of overdispersion along a constant from which a mixture is fitted
+_DROP = -2.0 * math.log(REFUTED)  # fall of -2 log likelihood; 1 of 1,000 tables of one kind reaches it
+_WORTH_A_TRY = 6.0  # fall of the linear law from which a mixture of two laws is fitted
+_SUSPECT = 2.0  # standard deviations of overdispersion along a constant that are suspicious
 _FLAT = 2.2  # fourth moment over the square of the second below which scatter is flatter than normal (3)
 _STRONG = 0.1  # share of the strongest impact's information from which an impact tells of a constant
-_SHARE = 0.1  # of the impacts that are at least of either kind
+_SHARE = 0.07  # of the impacts that are at least of either kind
 _LEAST = 3  # impacts of either kind
-_STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
+_ROUNDING = 0.3  # of an impact, in sums of probabilities
 _STEPS = 30
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
 _SPREADS = 25  # of a constant, at which the likelihood of its scatter is compared at a time
 _LOOSE = 1e-6
+_LISTED = 6  # impacts of the second kind whose lines are named
 
 
 @dataclass(frozen=True)
 class _Kinds:
-    """A mixture that was fitted: constants of both kinds, and the probability of the second one by impact."""
+    """Two kinds that were fitted: constants of both, and the probability of the second one by impact."""
 
     name: str
     first: Array
     second: Array
-    second_share: Array
+    of_second: Array
     drop: float
+    run: tuple[int, int] | None = None  # impacts of the second kind, where they follow one another
 
 
 def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None = None) -> Fact | None:
     """Look for two kinds of impacts that differ in one constant.
 
-    For each constant the scatter of residuals along it is held against the rest (a score test of a constant
-    that varies from impact to impact); where it is suspicious, a mixture of two laws is fitted. It counts
-    where -2 log likelihood falls by more than `DECISIVE` without the impact that speaks most, and by `ALIKE`
-    more than for a constant that scatters normally, which is how errors look that grow where it acts.
+    Impacts of two kinds in any order are looked for by a mixture of two laws, first linear in the constants.
+    It counts where -2 log likelihood falls by `_DROP` without the impact that speaks most, as far as the
+    constants leave degrees of freedom, and by `ALIKE` more than for a constant that scatters normally, which
+    is how errors look that grow where it acts, and than for skewed or heavy-tailed errors of one hump. In a
+    table whose order is that of the readings a run of impacts of a kind of its own is looked for, too.
 
     Parameters
     ----------
@@ -65,32 +76,96 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
     count = int(problem.rows.impacts.max(initial=-1)) + 1
     if not _FEWEST <= count <= _MOST or not problem.error_model.is_plain:
         return None
-    sigma = likely_sigma(problem, fit.optimum.theta)
-    jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
-    residual = problem.residual(fit.optimum.theta) / sigma
-    best: _Kinds | None = None
-    for place in np.flatnonzero(problem.parameters.free).tolist() if places is None else places:
-        spread = _spread(problem, jacobian[:, place], residual)
-        if spread is None:
-            continue
-        found = _fitted(problem, fit, place, spread)
-        if found is None or found.drop < max(DECISIVE, best.drop if best else 0.0):
-            continue
-        if found.drop >= _drop_of_normal(problem, jacobian[:, place], residual, spread) + ALIKE:
-            best = found
-    if best is None:
+    linear = Linearised.of(problem, fit.optimum.theta)
+    free = np.flatnonzero(problem.parameters.free)
+    asked = free if places is None else np.asarray(places, dtype=np.intp)
+    columns = np.flatnonzero(np.isin(free, asked) & (linear.slopes**2).any(axis=0))
+    if not columns.size:
         return None
-    place = problem.parameters.names.index(best.name)
-    values = float(best.first[place]), float(best.second[place])
-    many = int(np.round(best.second_share.sum()))
+    mixed = _mixed_kinds(problem, fit, linear, linear_kinds(linear, columns))
+    run = None if is_in_order(problem) else _kind_in_a_run(problem, fit, linear, best_run(linear, columns))
+    if run is not None and (mixed is None or run.drop > mixed.drop - ALIKE):
+        return _fact(problem, run)
+    return None if mixed is None else _fact(problem, mixed)
+
+
+def _fact(problem: Problem, found: _Kinds) -> Fact:
+    place = problem.parameters.names.index(found.name)
+    values = float(found.first[place]), float(found.second[place])
+    own = np.flatnonzero(found.of_second > 0.5)
+    many, count = own.size, found.of_second.size
+    where = f"for {many}"
+    if found.run is not None:
+        where = f"for the {many} from {_line(problem, own[0])} to {_line(problem, own[-1])}"
+    elif many <= _LISTED:
+        where = f"for {many} ({', '.join(_line(problem, one) for one in own)})"
     says = (
-        f"the table looks as if it held impacts of two kinds: {best.name} {values[0]:.3g} for some "
-        f"{count - many} of them and {values[1]:.3g} for {many} (-2 log likelihood falls by "
-        f"{best.drop:.3g}): tell balls, walls or days apart in a column series, and try "
-        f"--separate {quantity_of(best.name)}"
+        f"the table looks as if it held impacts of two kinds: {found.name} {values[0]:.3g} for some "
+        f"{count - many} of them and {values[1]:.3g} {where} (-2 log likelihood falls by "
+        f"{found.drop:.3g}): tell balls, walls or days apart in a column series, and try "
+        f"--separate {quantity_of(found.name)}"
     )
-    figures = {"constant": best.name, "values": list(values), "drop": best.drop, "of_second": many}
+    figures = {"constant": found.name, "values": list(values), "drop": found.drop, "of_second": int(many)}
+    figures["rows"] = [_line(problem, one) for one in own]
+    figures["run"] = found.run is not None
     return Fact(False, says, figures, FACTS["mixture"])
+
+
+def _line(problem: Problem, impact: int) -> str:
+    """The line of the table that an impact stands in, with its file where there are several."""
+    return exclude_name(problem, int(np.flatnonzero(problem.rows.impacts == impact)[0]))
+
+
+def _of_dof(problem: Problem, more: int) -> float:
+    """Share of a fall of -2 log likelihood that counts, where unknown noises are fitted to few rows."""
+    if problem.noise.is_known:
+        return 1.0
+    rows = len(problem.rows)
+    return max(rows - int(problem.parameters.free.sum()) - more, 0) / rows
+
+
+def _mixed_kinds(
+    problem: Problem, fit: LeastSquaresFit, linear: Linearised, starts: Sequence[LinearKinds]
+) -> _Kinds | None:
+    """Two kinds in any order that explain more than scatter of one kind does."""
+    share = _of_dof(problem, 2)
+    tried = [start for start in starts if start.drop > _WORTH_A_TRY]
+    fitted = [one for start in tried if (one := _fitted(problem, fit, start)) is not None]
+    best = max(fitted, key=lambda one: one.drop, default=None)
+    if best is None or share * best.drop < _DROP:
+        return None
+    free = np.flatnonzero(problem.parameters.free).tolist()
+    place = problem.parameters.names.index(best.name)
+    along = np.empty(len(problem.rows))
+    residual = np.empty_like(along)
+    along[linear.rows], residual[linear.rows] = linear.slopes[:, free.index(place)], linear.residual
+    spread = abs(float(best.second[place] - best.first[place]))
+    if best.drop < _drop_of_normal(problem, along, residual, spread) + ALIKE:
+        return None
+    return best if best.drop >= drop_of_unimodal_errors(problem, linear) + ALIKE else None
+
+
+def _kind_in_a_run(
+    problem: Problem, fit: LeastSquaresFit, linear: Linearised, run: Run | None
+) -> _Kinds | None:
+    """A run of impacts that has a constant of its own; p times the number of runs and constants."""
+    if run is None or run.looks * special.chdtrc(1, run.chi2) >= 1.0:
+        return None
+    free = np.flatnonzero(problem.parameters.free)
+    place = int(free[run.column])
+    of_second = np.zeros(linear.first.size)
+    of_second[run.first : run.last] = 1.0
+    theta = fit.optimum.theta
+    first, second, after = _of_known_kinds(problem, fit, place, of_second)
+    sigma = likely_sigma(problem, theta)
+    before = _by_impact(problem, -0.5 * (problem.residual(theta) / sigma) ** 2 - np.log(sigma))
+    gain = 2.0 * (after - before)
+    counted = _of_dof(problem, 1) * np.array([gain.sum(), gain.sum() - gain.max()])
+    p, p_rest = run.looks * special.chdtrc(1, np.maximum(counted, 0.0))
+    if p >= REFUTED or p_rest >= BESIDE:
+        return None
+    drop = float(gain.sum() - gain.max())
+    return _Kinds(problem.parameters.names[place], first, second, of_second, drop, (run.first, run.last))
 
 
 def suspicious_constants(problem: Problem, jacobian: Array, residual: Array) -> list[int]:
@@ -177,27 +252,23 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
     return max(without - min(values), 0.0)
 
 
-def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -> _Kinds | None:
-    """The best mixture of two kinds that differ in one constant."""
-    lower, upper = (ends[place] for ends in problem.parameters.bounds())
-    value = float(fit.optimum.theta[place])
-    best: tuple[float, Array, Array, Array] | None = None
-    for size in _STARTS:
-        for share in (0.5, 0.25):
-            for sign in (1.0, -1.0):
-                first, second = fit.optimum.theta.copy(), fit.optimum.theta.copy()
-                first[place] = np.clip(value - sign * 2.0 * share * size * spread, lower, upper)
-                second[place] = np.clip(value + sign * 2.0 * (1.0 - share) * size * spread, lower, upper)
-                found = _search(problem, fit, place, first, second, share)
-                if best is None or found[0] < best[0]:
-                    best = found
-    if best is None:
-        return None
-    _, first, second, of_second = best
+def _fitted(problem: Problem, fit: LeastSquaresFit, start: LinearKinds) -> _Kinds | None:
+    """The best mixture of two kinds that differ in one constant, from that of the linear law."""
+    lower, upper = problem.parameters.bounds()
+    free = np.flatnonzero(problem.parameters.free)
+    place = int(free[start.column])
+    first = fit.optimum.theta.copy()
+    first[free] += start.change
+    second = first.copy()
+    second[place] += start.difference
+    first, second = np.clip(first, lower, upper), np.clip(second, lower, upper)
+    _, first, second, of_second = _search(problem, fit, place, first, second, start.share)
     count = of_second.size
     few = min(float(of_second.sum()), count - float(of_second.sum()))
-    if few < max(_LEAST, _SHARE * count):
+    if few + _ROUNDING < max(_LEAST, _SHARE * count):
         return None
+    if of_second.sum() > 0.5 * count:
+        first, second, of_second = second, first, 1.0 - of_second
     sigma = likely_sigma(problem, fit.optimum.theta)
     before = _by_impact(problem, -0.5 * (problem.residual(fit.optimum.theta) / sigma) ** 2 - np.log(sigma))
     after, *_ = _mixed(problem, first, second, float(of_second.mean()), fit.sigma)
@@ -227,28 +298,10 @@ def _search(
     problem: Problem, fit: LeastSquaresFit, place: int, first: Array, second: Array, share: float
 ) -> tuple[float, Array, Array, Array]:
     """Expectation and maximisation, by one step of Gauss and Newton each."""
-    lower, upper = problem.parameters.bounds()
-    free = np.flatnonzero(problem.parameters.free)
-    others = free[free != place]
     total, of_second, sigma = _mixed(problem, first, second, share, fit.sigma)
     now = -2.0 * float(total.sum())
     for _ in range(_STEPS):
-        weight = of_second[problem.rows.impacts]
-        blocks, left = [], []
-        for theta, w, column in ((first, 1.0 - weight, 0), (second, weight, 1)):
-            root = np.sqrt(w) / sigma
-            jacobian = problem.jacobian(theta) * root[:, None]
-            own = np.zeros((len(root), others.size + 2))
-            own[:, :-2] = jacobian[:, others]
-            own[:, -2 + column] = jacobian[:, place]
-            blocks.append(own)
-            left.append(problem.residual(theta) * root)
-        step = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(left), rcond=_LOOSE)[0]
-        moved = first.copy(), second.copy()
-        for theta, column in zip(moved, (-2, -1), strict=True):
-            theta[others] += step[:-2]
-            theta[place] += step[column]
-            np.clip(theta, lower, upper, out=theta)
+        moved = _moved(problem, place, first, second, of_second, sigma)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
         total, of_second, sigma = _mixed(problem, *moved, share, sigma)
         after = -2.0 * float(total.sum())
@@ -256,3 +309,48 @@ def _search(
             break
         first, second, now = *moved, after
     return now, first, second, of_second
+
+
+def _moved(
+    problem: Problem, place: int, first: Array, second: Array, of_second: Array, sigma: Array
+) -> tuple[Array, Array]:
+    """Constants of both kinds after a step of Gauss and Newton, by the probability of the second kind."""
+    lower, upper = problem.parameters.bounds()
+    free = np.flatnonzero(problem.parameters.free)
+    others = free[free != place]
+    weight = of_second[problem.rows.impacts]
+    blocks, left = [], []
+    for theta, w, column in ((first, 1.0 - weight, 0), (second, weight, 1)):
+        root = np.sqrt(w) / sigma
+        jacobian = problem.jacobian(theta) * root[:, None]
+        own = np.zeros((len(root), others.size + 2))
+        own[:, :-2] = jacobian[:, others]
+        own[:, -2 + column] = jacobian[:, place]
+        blocks.append(own)
+        left.append(problem.residual(theta) * root)
+    step = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(left), rcond=_LOOSE)[0]
+    moved = first.copy(), second.copy()
+    for theta, column in zip(moved, (-2, -1), strict=True):
+        theta[others] += step[:-2]
+        theta[place] += step[column]
+        np.clip(theta, lower, upper, out=theta)
+    return moved
+
+
+def _of_known_kinds(
+    problem: Problem, fit: LeastSquaresFit, place: int, of_second: Array
+) -> tuple[Array, Array, Array]:
+    """Constants of both kinds, and log likelihood of each impact, where it is known which is of which."""
+    misfit, own = Misfit.of(problem), of_second[problem.rows.impacts] > 0.5
+    first = second = fit.optimum.theta
+    best = math.inf, first, second, np.empty(0)
+    for _ in range(_STEPS):
+        left = np.where(own, *problem.residual(np.stack((second, first))))
+        sigma = misfit.sigma(left)
+        total = _by_impact(problem, -0.5 * (left / sigma) ** 2 - np.log(sigma))
+        now = -2.0 * float(total.sum())
+        if not best[0] - now >= _AT_REST:
+            break
+        best = now, first, second, total
+        first, second = _moved(problem, place, first, second, of_second, sigma)
+    return best[1:]
