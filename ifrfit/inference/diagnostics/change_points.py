@@ -59,11 +59,12 @@ def best_run(linear: Linearised, columns: Index) -> Run | None:
     if not start.size:
         return None
     basis = orthonormal(linear.slopes)
+    residual = linear.residual - basis @ (basis.T @ linear.residual)  # at a kink or a bound they are not at rest
     looks = start.size * columns.size
     best: Run | None = None
     for column in columns.tolist():
         slope = linear.slopes[:, column]
-        score, information = (_sums(linear, part, ends) for part in (slope * linear.residual, slope**2))
+        score, information = (_sums(linear, part, ends) for part in (slope * residual, slope**2))
         fitted = _sums(linear, slope[:, None] * basis, ends)
         own = information[stop] - information[start] - ((fitted[stop] - fitted[start]) ** 2).sum(axis=1)
         seen = own > _FAINT * max(float(information[-1]) / count, 1e-300)

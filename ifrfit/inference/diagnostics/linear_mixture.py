@@ -110,6 +110,8 @@ class LinearKinds:
         Of the second kind.
     drop : float
         Fall of -2 log likelihood without the impact that speaks most.
+    spread : float
+        Scatter of the constant from impact to impact, of one kind.
     """
 
     column: int
@@ -117,6 +119,7 @@ class LinearKinds:
     difference: float
     share: float
     drop: float
+    spread: float
 
 
 def linear_kinds(linear: Linearised, columns: Index) -> list[LinearKinds]:
@@ -137,26 +140,39 @@ def linear_kinds(linear: Linearised, columns: Index) -> list[LinearKinds]:
     best = _best(search.columns, gain.sum(axis=1), 1)
     drop = gain.sum(axis=1) - gain.max(axis=1)
     return [
-        LinearKinds(int(search.columns[i]), change[i], float(difference[i]), float(share[i]), float(drop[i]))
+        LinearKinds(
+            int(search.columns[i]),
+            change[i],
+            float(difference[i]),
+            float(share[i]),
+            float(drop[i]),
+            _spread(thinned, int(search.columns[i])),
+        )
         for i in best.tolist()
     ]
 
 
 def _starts(linear: Linearised, column: int) -> list[tuple[int, float, float]]:
     """Differences and shares of the second kind to start from."""
-    slope = linear.slopes[:, column]
-    strength = linear.by_impact(slope**2)
-    strong = strength > _STRONG * strength.max(initial=0.0)
-    if strong.sum() < _FEWEST:
-        return []
-    shift = linear.by_impact(slope * linear.residual)[strong] / strength[strong]
-    spread = math.sqrt(max(float(np.average(shift**2, weights=strength[strong])), 1e-24))
+    spread = _spread(linear, column)
     return [
         (column, sign * distance * spread, share)
         for distance in _DISTANCES
         for share in _SHARES
         for sign in (1.0, -1.0)
+        if spread > 0.0
     ]
+
+
+def _spread(linear: Linearised, column: int) -> float:
+    """Scatter of a constant from impact to impact; 0 where too few impacts tell of it."""
+    slope = linear.slopes[:, column]
+    strength = linear.by_impact(slope**2)
+    strong = strength > _STRONG * strength.max(initial=0.0)
+    if strong.sum() < _FEWEST:
+        return 0.0
+    shift = linear.by_impact(slope * linear.residual)[strong] / strength[strong]
+    return math.sqrt(max(float(np.average(shift**2, weights=strength[strong])), 1e-24))
 
 
 def _best(columns: Index, gain: Array, many: int) -> Index:

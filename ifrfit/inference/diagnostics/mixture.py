@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,11 +34,16 @@ _STRONG = 0.1  # share of the strongest impact's information from which an impac
 _SHARE = 0.07  # of the impacts that are at least of either kind
 _LEAST = 3  # impacts of either kind
 _ROUNDING = 0.3  # of an impact, in sums of probabilities
+_STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
+_SHARES = (0.5, 0.25)
 _STEPS = 30
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
 _SPREADS = 25  # of a constant, at which the likelihood of its scatter is compared at a time
 _LOOSE = 1e-6
 _LISTED = 6  # impacts of the second kind whose lines are named
+
+# place in theta of the constant in which they differ, both kinds, and the share of the second
+_Start = tuple[int, Array, Array, float]
 
 
 @dataclass(frozen=True)
@@ -125,13 +131,14 @@ def _of_dof(problem: Problem, more: int) -> float:
 
 
 def _mixed_kinds(
-    problem: Problem, fit: LeastSquaresFit, linear: Linearised, starts: Sequence[LinearKinds]
+    problem: Problem, fit: LeastSquaresFit, linear: Linearised, found: Sequence[LinearKinds]
 ) -> _Kinds | None:
     """Two kinds in any order that explain more than scatter of one kind does."""
     share = _of_dof(problem, 2)
-    tried = [start for start in starts if start.drop > _WORTH_A_TRY]
-    fitted = [one for start in tried if (one := _fitted(problem, fit, start)) is not None]
-    best = max(fitted, key=lambda one: one.drop, default=None)
+    if max((one.drop for one in found), default=0.0) <= _WORTH_A_TRY:
+        return None
+    fitted = (_fitted(problem, fit, start) for start in _starts(problem, fit, found))
+    best = max((one for one in fitted if one is not None), key=lambda one: one.drop, default=None)
     if best is None or share * best.drop < _DROP:
         return None
     free = np.flatnonzero(problem.parameters.free).tolist()
@@ -155,11 +162,8 @@ def _kind_in_a_run(
     place = int(free[run.column])
     of_second = np.zeros(linear.first.size)
     of_second[run.first : run.last] = 1.0
-    theta = fit.optimum.theta
     first, second, after = _of_known_kinds(problem, fit, place, of_second)
-    sigma = likely_sigma(problem, theta)
-    before = _by_impact(problem, -0.5 * (problem.residual(theta) / sigma) ** 2 - np.log(sigma))
-    gain = 2.0 * (after - before)
+    gain = 2.0 * (after - _log_likelihood(problem, fit.optimum.theta))
     counted = _of_dof(problem, 1) * np.array([gain.sum(), gain.sum() - gain.max()])
     p, p_rest = run.looks * special.chdtrc(1, np.maximum(counted, 0.0))
     if p >= REFUTED or p_rest >= BESIDE:
@@ -252,29 +256,43 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
     return max(without - min(values), 0.0)
 
 
-def _fitted(problem: Problem, fit: LeastSquaresFit, start: LinearKinds) -> _Kinds | None:
-    """The best mixture of two kinds that differ in one constant, from that of the linear law."""
+def _starts(problem: Problem, fit: LeastSquaresFit, found: Sequence[LinearKinds]) -> Iterator[_Start]:
+    """Constants of two kinds to start from: those of the linear law, and others about the optimum."""
     lower, upper = problem.parameters.bounds()
     free = np.flatnonzero(problem.parameters.free)
-    place = int(free[start.column])
-    first = fit.optimum.theta.copy()
-    first[free] += start.change
-    second = first.copy()
-    second[place] += start.difference
-    first, second = np.clip(first, lower, upper), np.clip(second, lower, upper)
-    _, first, second, of_second = _search(problem, fit, place, first, second, start.share)
+    theta = fit.optimum.theta
+    for one in found:
+        place, first = int(free[one.column]), theta.copy()
+        first[free] += one.change
+        second = first.copy()
+        second[place] += one.difference
+        yield place, np.clip(first, lower, upper), np.clip(second, lower, upper), one.share
+        for size, share, sign in itertools.product(_STARTS, _SHARES, (1.0, -1.0)):
+            first, second, step = theta.copy(), theta.copy(), 2.0 * sign * size * one.spread
+            first[place] -= step * share
+            second[place] += step * (1.0 - share)
+            yield place, np.clip(first, lower, upper), np.clip(second, lower, upper), share
+
+
+def _fitted(problem: Problem, fit: LeastSquaresFit, start: _Start) -> _Kinds | None:
+    """The best mixture of two kinds that differ in one constant, from a start."""
+    place = start[0]
+    total, first, second, of_second = _search(problem, fit, *start)
     count = of_second.size
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few + _ROUNDING < max(_LEAST, _SHARE * count):
         return None
     if of_second.sum() > 0.5 * count:
         first, second, of_second = second, first, 1.0 - of_second
-    sigma = likely_sigma(problem, fit.optimum.theta)
-    before = _by_impact(problem, -0.5 * (problem.residual(fit.optimum.theta) / sigma) ** 2 - np.log(sigma))
-    after, *_ = _mixed(problem, first, second, float(of_second.mean()), fit.sigma)
-    gain = 2.0 * (after - before)
+    gain = 2.0 * (total - _log_likelihood(problem, fit.optimum.theta))
     drop = float(gain.sum() - gain.max())
     return _Kinds(problem.parameters.names[place], first, second, of_second, drop)
+
+
+def _log_likelihood(problem: Problem, theta: Array) -> Array:
+    """Of each impact of one kind, (impacts,), but for a constant."""
+    sigma = likely_sigma(problem, theta)
+    return _by_impact(problem, -0.5 * (problem.residual(theta) / sigma) ** 2 - np.log(sigma))
 
 
 def _mixed(
@@ -296,19 +314,20 @@ def _mixed(
 
 def _search(
     problem: Problem, fit: LeastSquaresFit, place: int, first: Array, second: Array, share: float
-) -> tuple[float, Array, Array, Array]:
-    """Expectation and maximisation, by one step of Gauss and Newton each."""
+) -> tuple[Array, Array, Array, Array]:
+    """Log likelihood of each impact, both kinds, and the probability of the second one.
+
+    Expectation and maximisation, by one step of Gauss and Newton each.
+    """
     total, of_second, sigma = _mixed(problem, first, second, share, fit.sigma)
-    now = -2.0 * float(total.sum())
     for _ in range(_STEPS):
         moved = _moved(problem, place, first, second, of_second, sigma)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
-        total, of_second, sigma = _mixed(problem, *moved, share, sigma)
-        after = -2.0 * float(total.sum())
-        if now - after < _AT_REST:
+        after, *kinds = _mixed(problem, *moved, share, sigma)
+        if 2.0 * float(after.sum() - total.sum()) < _AT_REST:
             break
-        first, second, now = *moved, after
-    return now, first, second, of_second
+        (first, second), total, (of_second, sigma) = moved, after, kinds
+    return total, first, second, of_second
 
 
 def _moved(
