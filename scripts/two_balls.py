@@ -1,4 +1,4 @@
-"""Tables at random in which some of the impacts are of another ball or wall, and clean ones with odd errors."""
+"""Tables at random: some impacts are of another ball or wall, or all of one and their errors are odd."""
 
 from __future__ import annotations
 
@@ -107,7 +107,13 @@ def two_balls(seed: int, number: int, errors: str = "", *, clean: bool = False) 
     fixed = {} if set(observables) & set(_KNOW_E_N) else {"e_n": first["e_n"]}
     options = {"method": "lsq", "independent": True, "fix": fixed}
     scene = {"observables": ",".join(observables), "n": n, "noise": noise, "known": known, "series": series}
-    scene |= {"differs": differs, "share": share, "place": place, "order": order, "errors": errors or "normal"}
+    scene |= {
+        "differs": differs,
+        "share": share,
+        "place": place,
+        "order": order,
+        "errors": errors or "normal",
+    }
     scene |= {"first": first, "second": second, "of_second": int(of_second.sum())}
     return Table(frames, first, options, scene)
 

@@ -1,7 +1,7 @@
 """How often a table of two balls passes without a word, and how often a clean one is said to be of two.
 
-Tables of `two_balls`, fitted by least squares with all their facts. A constant is confidently wrong where it lies
-more than three standard deviations off that of the ball that most impacts are of.
+Tables of `two_balls`, fitted by least squares with all their facts. A constant is confidently wrong where it
+lies more than three standard deviations off that of the ball that most impacts are of.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ OF_DESIGN = ("identifiable", "at_bound", "noise_dof", "noise_modes", "global_opt
 
 def fitted(task: tuple[int, int, str, bool]) -> dict[str, Any]:
     """What the facts of one table say, and how far its constants are off."""
-    import ifrfit
     from two_balls import two_balls
+
+    import ifrfit
 
     seed, number, errors, clean = task
     made = two_balls(seed, number, errors, clean=clean)
@@ -46,7 +47,7 @@ def fitted(task: tuple[int, int, str, bool]) -> dict[str, Any]:
 def main() -> None:
     """Run the study and print its tables."""
     parser = study_parser(__doc__, SEED)
-    parser.add_argument("--clean", type=int, default=1000, help="tables of one ball, by kinds of errors in turn")
+    parser.add_argument("--clean", type=int, default=1000, help="tables of one ball, errors in turn")
     parser.add_argument("--mixed", type=int, default=1000, help="tables of two balls")
     parser.add_argument("--json", type=Path, help="file for every fit")
     asked = parser.parse_args()
@@ -64,19 +65,25 @@ def tables(fits: Sequence[dict[str, Any]]) -> list[str]:
     """Lines of text: clean tables by errors, those of two balls by what is measured and what differs."""
     lines = ["clean tables: fits, named a mixture, any fact"]
     for name, own in _grouped([one for one in fits if one["clean"]], "errors"):
-        lines.append(f"  {name:28s} {len(own):5d} {_named(own):5d} {sum(bool(one['failing']) for one in own):5d}")
+        lines.append(f"  {name:28s} {len(own):5d} {_named(own):5d} {sum(map(_fails, own)):5d}")
     lines.append("two balls: fits, named a mixture, wrong by 3 sd, of these without a word, all well")
     mixed = [one for one in fits if not one["clean"]]
     for key in ("", "observables", "differs", "place", "order", "known", "series"):
         for name, own in _grouped(mixed, key):
             wrong = [one for one in own if max(one["off"].values(), default=0.0) > WRONG]
-            silent = sum(not one["failing"] for one in wrong)
-            well = sum(not one["failing"] for one in own)
-            lines.append(
-                f"  {key} {name:26s} {len(own):5d} {_named(own):5d} {len(wrong):5d} {silent:5d} {well:5d}"
+            counts = (
+                len(own),
+                _named(own),
+                len(wrong),
+                *(sum(not _fails(x) for x in of) for of in (wrong, own)),
             )
+            lines.append(f"  {key} {name:26s} {' '.join(f'{count:5d}' for count in counts)}")
     lines.append(f"  said: {Counter(name for one in mixed for name in one['failing']).most_common(14)}")
     return lines
+
+
+def _fails(one: dict[str, Any]) -> bool:
+    return bool(one["failing"])
 
 
 def _named(fits: Sequence[dict[str, Any]]) -> int:

@@ -59,7 +59,8 @@ def best_run(linear: Linearised, columns: Index) -> Run | None:
     if not start.size:
         return None
     basis = orthonormal(linear.slopes)
-    residual = linear.residual - basis @ (basis.T @ linear.residual)  # at a kink or a bound they are not at rest
+    # at a kink, or on a bound, they are not at rest
+    residual = linear.residual - basis @ (basis.T @ linear.residual)
     looks = start.size * columns.size
     best: Run | None = None
     for column in columns.tolist():

@@ -135,8 +135,8 @@ def linear_kinds(linear: Linearised, columns: Index) -> list[LinearKinds]:
     state = search.run(change, difference, share, np.ones((len(starts), thinned.residual.size)), _FIRST_STEPS)
     better = _best(search.columns, state[-1].sum(axis=1), _KEPT)
     search = _Search.of(thinned, search.columns[better])
-    state = search.run(*(part[better] for part in state[:4]), _LAST_STEPS)
-    change, difference, share, _, gain = state
+    change, difference, share, variance, _ = (part[better] for part in state)
+    change, difference, share, _, gain = search.run(change, difference, share, variance, _LAST_STEPS)
     best = _best(search.columns, gain.sum(axis=1), 1)
     drop = gain.sum(axis=1) - gain.max(axis=1)
     return [

@@ -27,6 +27,7 @@ from ifrfit.inference.result.types import Fact
 _FEWEST = 10  # impacts below which no two kinds are looked for
 _MOST = 20_000  # beyond, it would take more than seconds
 _DROP = -2.0 * math.log(REFUTED)  # fall of -2 log likelihood; 1 of 1,000 tables of one kind reaches it
+_WAYS = 2  # in which two kinds are looked for: in any order, and in a run
 _WORTH_A_TRY = 6.0  # fall of the linear law from which a mixture of two laws is fitted
 _SUSPECT = 2.0  # standard deviations of overdispersion along a constant that are suspicious
 _FLAT = 2.2  # fourth moment over the square of the second below which scatter is flatter than normal (3)
@@ -98,8 +99,8 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
 def _fact(problem: Problem, found: _Kinds) -> Fact:
     place = problem.parameters.names.index(found.name)
     values = float(found.first[place]), float(found.second[place])
-    own = np.flatnonzero(found.of_second > 0.5)
-    many, count = own.size, found.of_second.size
+    own = np.flatnonzero(found.of_second > 0.5).tolist()
+    many, count = len(own), found.of_second.size
     where = f"for {many}"
     if found.run is not None:
         where = f"for the {many} from {_line(problem, own[0])} to {_line(problem, own[-1])}"
@@ -111,7 +112,7 @@ def _fact(problem: Problem, found: _Kinds) -> Fact:
         f"{found.drop:.3g}): tell balls, walls or days apart in a column series, and try "
         f"--separate {quantity_of(found.name)}"
     )
-    figures = {"constant": found.name, "values": list(values), "drop": found.drop, "of_second": int(many)}
+    figures = {"constant": found.name, "values": list(values), "drop": found.drop, "of_second": many}
     figures["rows"] = [_line(problem, one) for one in own]
     figures["run"] = found.run is not None
     return Fact(False, says, figures, FACTS["mixture"])
@@ -165,7 +166,7 @@ def _kind_in_a_run(
     first, second, after = _of_known_kinds(problem, fit, place, of_second)
     gain = 2.0 * (after - _log_likelihood(problem, fit.optimum.theta))
     counted = _of_dof(problem, 1) * np.array([gain.sum(), gain.sum() - gain.max()])
-    p, p_rest = run.looks * special.chdtrc(1, np.maximum(counted, 0.0))
+    p, p_rest = _WAYS * run.looks * special.chdtrc(1, np.maximum(counted, 0.0))
     if p >= REFUTED or p_rest >= BESIDE:
         return None
     drop = float(gain.sum() - gain.max())
@@ -323,10 +324,10 @@ def _search(
     for _ in range(_STEPS):
         moved = _moved(problem, place, first, second, of_second, sigma)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
-        after, *kinds = _mixed(problem, *moved, share, sigma)
+        after, other, noise = _mixed(problem, *moved, share, sigma)
         if 2.0 * float(after.sum() - total.sum()) < _AT_REST:
             break
-        (first, second), total, (of_second, sigma) = moved, after, kinds
+        (first, second), total, of_second, sigma = moved, after, other, noise
     return total, first, second, of_second
 
 
@@ -364,7 +365,8 @@ def _of_known_kinds(
     first = second = fit.optimum.theta
     best = math.inf, first, second, np.empty(0)
     for _ in range(_STEPS):
-        left = np.where(own, *problem.residual(np.stack((second, first))))
+        of_first, of_other = problem.residual(np.stack((first, second)))
+        left: Array = np.where(own, of_other, of_first)
         sigma = misfit.sigma(left)
         total = _by_impact(problem, -0.5 * (left / sigma) ** 2 - np.log(sigma))
         now = -2.0 * float(total.sum())

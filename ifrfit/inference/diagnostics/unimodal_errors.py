@@ -1,4 +1,4 @@
-"""Errors of one hump, skewed or with tails, of each observable: the sinh-arcsinh law in the place of the normal one.
+"""Errors of one hump, skewed or with tails, of each observable: the sinh-arcsinh law for the normal one.
 
 What two kinds of impacts look like that is no more than such errors is not called two kinds.
 
@@ -19,8 +19,8 @@ from ifrfit.inference.model.rows import Array
 
 _PARAMETER = 2.0  # of -2 log likelihood, for each shape beyond the two numbers of a mixture
 _SHAPES = 2
-# log scale, skewness and log of the tails go from minus to plus these; beyond, a spike beside a few far rows is
-# one hump: tails of -0.9 are those of Student's t with some two degrees of freedom
+# log scale, skewness and log of the tails go from minus to plus these; beyond, a spike beside a few far rows
+# would be one hump
 _FARTHEST = (1.5, 1.0, 0.9)
 
 
@@ -69,7 +69,9 @@ def _most_likely(z: Array) -> Array:
         return -float(_log_density(parameters, z).sum())
 
     side = float(np.sign((z**3).sum()))
-    starts = ((0.0, -0.3, 0.0, -0.3), (-0.5 * side, -0.2, 0.5 * side, -0.1))
-    options = {"maxiter": 400, "xatol": 1e-3, "fatol": 1e-3}
-    found = [minimize(minus, start, method="Nelder-Mead", options=options) for start in starts]
+    starts = np.array(((0.0, -0.3, 0.0, -0.3), (-0.5 * side, -0.2, 0.5 * side, -0.1)))
+    found = [
+        minimize(minus, x, method="Nelder-Mead", options={"maxiter": 400, "xatol": 1e-3, "fatol": 1e-3})
+        for x in starts
+    ]
     return np.asarray(min(found, key=lambda one: float(one.fun)).x)
