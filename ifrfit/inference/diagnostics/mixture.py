@@ -90,9 +90,12 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
     if not columns.size:
         return None
     mixed = _mixed_kinds(problem, fit, linear, linear_kinds(linear, columns))
-    run = None if is_in_order(problem) else _kind_in_a_run(problem, fit, linear, best_run(linear, columns))
-    if run is not None and (mixed is None or run.drop > mixed.drop - ALIKE):
-        return _fact(problem, run)
+    best = None if is_in_order(problem) else best_run(linear, columns)
+    run = None if best is None else _kind_in_a_run(problem, fit, linear, best)
+    if best is not None and run is not None:
+        # a run is one of many, where a mixture has had its choice of each impact
+        if mixed is None or run.drop - 2.0 * math.log(best.looks) > mixed.drop:
+            return _fact(problem, run)
     return None if mixed is None else _fact(problem, mixed)
 
 
@@ -153,11 +156,9 @@ def _mixed_kinds(
     return best if best.drop >= drop_of_unimodal_errors(problem, linear) + ALIKE else None
 
 
-def _kind_in_a_run(
-    problem: Problem, fit: LeastSquaresFit, linear: Linearised, run: Run | None
-) -> _Kinds | None:
+def _kind_in_a_run(problem: Problem, fit: LeastSquaresFit, linear: Linearised, run: Run) -> _Kinds | None:
     """A run of impacts that has a constant of its own; p times the number of runs and constants."""
-    if run is None or run.looks * special.chdtrc(1, run.chi2) >= 1.0:
+    if run.looks * special.chdtrc(1, run.chi2) >= 1.0:
         return None
     free = np.flatnonzero(problem.parameters.free)
     place = int(free[run.column])
