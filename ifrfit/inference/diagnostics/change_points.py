@@ -45,10 +45,10 @@ class Run:
     looks: int
 
 
-def best_run(linear: Linearised, columns: Index) -> Run | None:
-    """The run whose score test is largest, of all runs and of some constants (columns of the slopes).
+def best_runs(linear: Linearised, columns: Index) -> list[Run]:
+    """The run whose score test is largest, of each of some constants (columns of the slopes), best first.
 
-    None where there are too few impacts.
+    None of them where there are too few impacts.
     """
     count = linear.first.size
     ends = np.unique(np.linspace(0, count, min(count, _MOST_ENDS) + 1).round().astype(np.intp))
@@ -57,12 +57,12 @@ def best_run(linear: Linearised, columns: Index) -> Run | None:
     enough = (inside >= _FEWEST) & (count - inside >= _FEWEST)
     start, stop = start[enough], stop[enough]
     if not start.size:
-        return None
+        return []
     basis = orthonormal(linear.slopes)
     # at a kink, or on a bound, they are not at rest
     residual = linear.residual - basis @ (basis.T @ linear.residual)
     looks = start.size * columns.size
-    best: Run | None = None
+    best: list[Run] = []
     for column in columns.tolist():
         slope = linear.slopes[:, column]
         score, information = (_sums(linear, part, ends) for part in (slope * residual, slope**2))
@@ -71,10 +71,27 @@ def best_run(linear: Linearised, columns: Index) -> Run | None:
         seen = own > _FAINT * max(float(information[-1]) / count, 1e-300)
         chi2 = np.where(seen, (score[stop] - score[start]) ** 2 / np.where(seen, own, 1.0), 0.0)
         place = int(np.argmax(chi2))
-        if best is None or chi2[place] > best.chi2:
-            first, last = int(ends[start[place]]), int(ends[stop[place]])
-            best = Run(column, first, last, float(chi2[place]), looks)
-    return best
+        first, last = int(ends[start[place]]), int(ends[stop[place]])
+        best.append(Run(column, first, last, float(chi2[place]), looks))
+    return sorted(best, key=lambda run: -run.chi2)
+
+
+def run_of_largest_sum(gain: Array) -> tuple[int, int]:
+    """Ends of the run whose sum is largest, the last not in it; `_FEWEST` or more are in it, and outside."""
+    total = np.concatenate(([0.0], np.cumsum(gain)))
+    count = gain.size
+    best = -np.inf, 0, count
+    lowest = 0
+    for last in range(_FEWEST, count + 1):
+        if total[last - _FEWEST] < total[lowest]:
+            lowest = last - _FEWEST
+        first = lowest
+        if count - (last - first) < _FEWEST:  # of those that leave enough outside
+            first = (
+                last - count + _FEWEST + int(np.argmin(total[last - count + _FEWEST : last - _FEWEST + 1]))
+            )
+        best = max(best, (float(total[last] - total[first]), first, last))
+    return best[1], best[2]
 
 
 def _sums(linear: Linearised, of_rows: Array, ends: Index) -> Array:

@@ -6,8 +6,10 @@ The law about its optimum, as residuals and slopes in units of the noise: what t
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +45,10 @@ class Linearised:
         Where the rows of each impact begin.
     groups : tuple of ndarray of int
         Places of the rows that share an unknown noise.
+    theta : ndarray, (p,)
+        Constants about which the law is linear.
+    free : ndarray of int, (k,)
+        Places in theta of the slopes.
     """
 
     residual: Array
@@ -50,6 +56,8 @@ class Linearised:
     rows: Index
     first: Index
     groups: tuple[Index, ...]
+    theta: Array
+    free: Index
 
     @classmethod
     def of(cls, problem: Problem, theta: Array) -> Linearised:
@@ -65,7 +73,14 @@ class Linearised:
             order,
             np.flatnonzero(np.diff(problem.rows.impacts[order], prepend=-1)),
             tuple(place[rows] for rows in problem.noise_groups().values()),
+            theta,
+            free,
         )
+
+    @property
+    def free_constants(self) -> Array:
+        """Free constants about which the law is linear, (k,)."""
+        return self.theta[self.free]
 
     @property
     def of_impact(self) -> Index:
@@ -75,6 +90,20 @@ class Linearised:
     def by_impact(self, of_rows: Array) -> Array:
         """Sums over the rows of each impact, (..., n) to (..., impacts)."""
         return np.asarray(np.add.reduceat(of_rows, self.first, axis=-1))
+
+    def about(self, problem: Problem, thetas: Array) -> list[Linearised]:
+        """The same rows in the same units, about other constants, (m, p)."""
+        sigma = likely_sigma(problem, self.theta)[self.rows]
+        residuals = problem.residual(thetas)[:, self.rows] / sigma
+        return [
+            replace(
+                self,
+                residual=residual,
+                slopes=problem.jacobian(theta)[np.ix_(self.rows, self.free)] / sigma[:, None],
+                theta=theta,
+            )
+            for theta, residual in zip(thetas, residuals, strict=True)
+        ]
 
     def thinned(self) -> Linearised:
         """Some of the impacts, where there are very many."""
@@ -91,6 +120,8 @@ class Linearised:
             self.rows[own],
             np.flatnonzero(np.diff(self.of_impact[own], prepend=-1)),
             tuple(place[rows[own[rows]]] for rows in self.groups),
+            self.theta,
+            self.free,
         )
 
 
@@ -102,10 +133,8 @@ class LinearKinds:
     ----------
     column : int
         Of the slopes.
-    change : ndarray, (k,)
-        Of the free constants from the optimum to the first kind.
-    difference : float
-        Of the second kind from the first in the constant.
+    first, second : ndarray, (k,)
+        Free constants of both kinds.
     share : float
         Of the second kind.
     drop : float
@@ -115,53 +144,76 @@ class LinearKinds:
     """
 
     column: int
-    change: Array
-    difference: float
+    first: Array
+    second: Array
     share: float
     drop: float
     spread: float
 
 
-def linear_kinds(linear: Linearised, columns: Index) -> list[LinearKinds]:
-    """The best mixture in each of some constants, (columns of the slopes)."""
-    thinned = linear.thinned()
-    starts = [one for column in columns.tolist() for one in _starts(thinned, column)]
+@dataclass(frozen=True)
+class Start:
+    """Two kinds to start from, each with the law linear about constants of its own.
+
+    Attributes
+    ----------
+    column : int
+    first, second : Linearised
+    change : ndarray, (k + 1,)
+        Of the free constants of the first kind from there; last, of that in which they differ of the second.
+    share : float
+        Of the second kind.
+    """
+
+    column: int
+    first: Linearised
+    second: Linearised
+    change: Array
+    share: float
+
+
+def linear_kinds(linear: Linearised, columns: Index, others: Sequence[Start] = ()) -> list[LinearKinds]:
+    """The best mixture in each of some constants (columns of the slopes).
+
+    Parameters
+    ----------
+    linear : Linearised
+        At the optimum.
+    columns : ndarray of int
+    others : sequence of Start
+        Further places to start from, of the same rows.
+    """
+    spread = {column: _spread(linear, column) for column in columns.tolist()}
+    starts = [start for column, size in spread.items() if size for start in _starts(linear, column, size)]
+    starts += [start for start in others if spread.get(start.column)]
     if not starts:
         return []
-    search = _Search.of(thinned, np.array([column for column, _, _ in starts]))
-    difference, share = (np.array([one[i] for one in starts]) for i in (1, 2))
-    change = np.zeros((len(starts), thinned.slopes.shape[1]))
-    change[np.arange(len(starts)), search.columns] = -share * difference
-    state = search.run(change, difference, share, np.ones((len(starts), thinned.residual.size)), _FIRST_STEPS)
+    search = _Search.of(starts)
+    change = np.stack([start.change for start in starts])
+    share = np.array([start.share for start in starts])
+    state = search.run(linear, change, share, np.ones((len(starts), linear.residual.size)), _FIRST_STEPS)
     better = _best(search.columns, state[-1].sum(axis=1), _KEPT)
-    search = _Search.of(thinned, search.columns[better])
-    change, difference, share, variance, _ = (part[better] for part in state)
-    change, difference, share, _, gain = search.run(change, difference, share, variance, _LAST_STEPS)
-    best = _best(search.columns, gain.sum(axis=1), 1)
+    search = search.some(better)
+    change, share, variance, _ = (part[better] for part in state)
+    change, share, _, gain = search.run(linear, change, share, variance, _LAST_STEPS)
     drop = gain.sum(axis=1) - gain.max(axis=1)
-    return [
-        LinearKinds(
-            int(search.columns[i]),
-            change[i],
-            float(difference[i]),
-            float(share[i]),
-            float(drop[i]),
-            _spread(thinned, int(search.columns[i])),
-        )
-        for i in best.tolist()
-    ]
+    found = []
+    for i in _best(search.columns, gain.sum(axis=1), 1).tolist():
+        start = starts[int(better[i])]
+        first, second = change[i, :-1].copy(), change[i, :-1].copy()
+        second[start.column] = change[i, -1]
+        ends = start.first.free_constants + first, start.second.free_constants + second
+        found.append(LinearKinds(start.column, *ends, float(share[i]), float(drop[i]), spread[start.column]))
+    return found
 
 
-def _starts(linear: Linearised, column: int) -> list[tuple[int, float, float]]:
+def _starts(linear: Linearised, column: int, spread: float) -> Iterator[Start]:
     """Differences and shares of the second kind to start from."""
-    spread = _spread(linear, column)
-    return [
-        (column, sign * distance * spread, share)
-        for distance in _DISTANCES
-        for share in _SHARES
-        for sign in (1.0, -1.0)
-        if spread > 0.0
-    ]
+    for distance, share, sign in itertools.product(_DISTANCES, _SHARES, (1.0, -1.0)):
+        change = np.zeros(linear.slopes.shape[1] + 1)
+        change[column] = -sign * distance * spread * share
+        change[-1] = sign * distance * spread * (1.0 - share)
+        yield Start(column, linear, linear, change, share)
 
 
 def _spread(linear: Linearised, column: int) -> float:
@@ -183,55 +235,66 @@ def _best(columns: Index, gain: Array, many: int) -> Index:
 
 @dataclass(frozen=True)
 class _Search:
-    """Expectation and maximisation for several (m) pairs of kinds at once."""
+    """Expectation and maximisation for several (m) pairs of kinds at once.
 
-    linear: Linearised
+    Attributes
+    ----------
+    columns : ndarray of int, (m,)
+    residual : ndarray, (2, m, n)
+        Of both kinds, where the law is linear about.
+    slopes : ndarray, (2, m, n, k + 1)
+        By the constants of the first kind, and that in which the second differs.
+    """
+
     columns: Index
-    along: Array  # slope of the constant in which the kinds differ, (m, n)
-    products: Array  # of the slopes, (n, k k)
+    residual: Array
+    slopes: Array
 
     @classmethod
-    def of(cls, linear: Linearised, columns: Index) -> _Search:
-        slopes = linear.slopes
-        products = (slopes[:, :, None] * slopes[:, None, :]).reshape(len(slopes), -1)
-        return cls(linear, columns, slopes[:, columns].T, products)
+    def of(cls, starts: Sequence[Start]) -> _Search:
+        columns = np.array([start.column for start in starts])
+        residual = np.stack(
+            [[one.residual for one in (start.first, start.second)] for start in starts], axis=1
+        )
+        slopes = np.stack([[one.slopes for one in (start.first, start.second)] for start in starts], axis=1)
+        slopes = np.concatenate((slopes, np.zeros((*slopes.shape[:-1], 1))), axis=-1)
+        every = np.arange(columns.size)
+        slopes[1, every, :, -1] = slopes[1, every, :, columns]
+        slopes[1, every, :, columns] = 0.0
+        return cls(columns, residual, slopes)
+
+    def some(self, kept: Index) -> _Search:
+        """Some of the pairs."""
+        return _Search(self.columns[kept], self.residual[:, kept], self.slopes[:, kept])
 
     def run(
-        self, change: Array, difference: Array, share: Array, variance: Array, steps: int
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Some steps: change, (m, k), difference and share, (m,), variance, (m, n); gain, (m, impacts)."""
-        linear, of_impact = self.linear, self.linear.of_impact
+        self, linear: Linearised, change: Array, share: Array, variance: Array, steps: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """Some steps: change, (m, k + 1), share, (m,), variance, (m, n), and gain, (m, impacts)."""
+        of_impact = linear.of_impact
         before = linear.by_impact(linear.residual**2)
         for step in range(steps + 1):
-            left = linear.residual - change @ linear.slopes.T
-            other = left - difference[:, None] * self.along
-            logs = np.log(variance)
-            first = -0.5 * linear.by_impact(left**2 / variance + logs) + np.log1p(-share)[:, None]
-            second = -0.5 * linear.by_impact(other**2 / variance + logs) + np.log(share)[:, None]
-            total = np.logaddexp(first, second)
+            square = (self.residual - (self.slopes @ change[:, :, None])[..., 0]) ** 2
+            each = -0.5 * linear.by_impact(square / variance + np.log(variance))
+            each += np.log(np.stack((1.0 - share, share)))[:, :, None]
+            total = np.logaddexp(each[0], each[1])
             if step == steps:
                 break
-            of_second = np.exp(second - total)
+            of_second = np.exp(each[1] - total)
             share = np.clip(of_second.mean(axis=1), _LEAST_SHARE, 1.0 - _LEAST_SHARE)
             weight = of_second[:, of_impact]
-            square = left**2 + weight * (other**2 - left**2)
+            weight = np.stack((1.0 - weight, weight))
+            mean = (weight * square).sum(axis=0)
             for rows in linear.groups:
-                mean = square[:, rows].mean(axis=1, keepdims=True)
-                variance[:, rows] = np.maximum(mean, _LEAST_VARIANCE)
-            change, difference = self._maximum(weight, 1.0 / variance)
-        return change, difference, share, variance, 2.0 * total + before
+                variance[:, rows] = np.maximum(mean[:, rows].mean(axis=1, keepdims=True), _LEAST_VARIANCE)
+            change = self._maximum(weight / variance)
+        return change, share, variance, 2.0 * total + before
 
-    def _maximum(self, of_second: Array, weight: Array) -> tuple[Array, Array]:
-        """Constants and difference by weighted least squares."""
-        slopes, residual = self.linear.slopes, self.linear.residual
-        m, k = len(weight), slopes.shape[1]
-        normal, right = np.empty((m, k + 1, k + 1)), np.empty((m, k + 1))
-        normal[:, :k, :k] = (weight @ self.products).reshape(m, k, k)
-        own = of_second * weight * self.along
-        normal[:, :k, k] = normal[:, k, :k] = own @ slopes
-        normal[:, k, k] = (own * self.along).sum(axis=1)
-        right[:, :k], right[:, k] = (weight * residual) @ slopes, own @ residual
+    def _maximum(self, weight: Array) -> Array:
+        """Constants of both kinds by least squares with weights, (2, m, n)."""
+        weighted = np.swapaxes(self.slopes * weight[..., None], -1, -2)
+        normal = (weighted @ self.slopes).sum(axis=0)
+        right = (weighted @ self.residual[..., None]).sum(axis=0)
         largest = np.einsum("mii->mi", normal).max(axis=1)
-        normal += (_RIDGE * largest)[:, None, None] * np.eye(k + 1)
-        found = np.linalg.solve(normal, right[..., None])[..., 0]
-        return found[:, :k], found[:, k]
+        normal += (_RIDGE * largest)[:, None, None] * np.eye(normal.shape[-1])
+        return np.asarray(np.linalg.solve(normal, right)[..., 0])

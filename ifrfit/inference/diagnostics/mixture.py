@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.change_points import Run, best_run
-from ifrfit.inference.diagnostics.linear_mixture import Linearised, LinearKinds, linear_kinds
+from ifrfit.inference.diagnostics.change_points import Run, best_runs, run_of_largest_sum
+from ifrfit.inference.diagnostics.linear_mixture import Linearised, LinearKinds, Start, linear_kinds
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.nuisances import is_in_order
 from ifrfit.inference.diagnostics.slips.refit import Misfit
@@ -35,16 +35,15 @@ _STRONG = 0.1  # share of the strongest impact's information from which an impac
 _SHARE = 0.07  # of the impacts that are at least of either kind
 _LEAST = 3  # impacts of either kind
 _ROUNDING = 0.3  # of an impact, in sums of probabilities
-_STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
-_SHARES = (0.5, 0.25)
+_FACTORS = np.array([0.65, 0.8, 1.0, 1.25, 1.5])  # of mu, from which two kinds start
+_HINT = 3.0  # fall of the linear law by two kinds from which they show where a run may be
+_RUNS = 2  # of which the law itself is asked
+_ROUNDS = 4  # in which a run finds its ends
 _STEPS = 30
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
 _SPREADS = 25  # of a constant, at which the likelihood of its scatter is compared at a time
 _LOOSE = 1e-6
 _LISTED = 6  # impacts of the second kind whose lines are named
-
-# place in theta of the constant in which they differ, both kinds, and the share of the second
-_Start = tuple[int, Array, Array, float]
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class _Kinds:
     second: Array
     of_second: Array
     drop: float
-    run: tuple[int, int] | None = None  # impacts of the second kind, where they follow one another
+    of_run: float = 0.0  # fall with the impact that speaks most, where those of the second kind are a run
 
 
 def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None = None) -> Fact | None:
@@ -89,13 +88,14 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
     columns = np.flatnonzero(np.isin(free, asked) & (linear.slopes**2).any(axis=0))
     if not columns.size:
         return None
-    mixed = _mixed_kinds(problem, fit, linear, linear_kinds(linear, columns))
-    best = None if is_in_order(problem) else best_run(linear, columns)
-    run = None if best is None else _kind_in_a_run(problem, fit, linear, best)
-    if best is not None and run is not None:
-        # a run is one of many, where a mixture has had its choice of each impact
-        if mixed is None or run.drop - 2.0 * math.log(best.looks) > mixed.drop:
-            return _fact(problem, run)
+    thinned = linear.thinned()
+    kinds = linear_kinds(thinned, columns, _apart(problem, thinned))
+    mixed = _mixed_kinds(problem, fit, linear, kinds)
+    runs = [] if is_in_order(problem) else best_runs(linear, columns)
+    run = _kind_in_a_run(problem, fit, linear, runs, kinds)
+    # a run is one of many, where a mixture has had its choice of each impact
+    if run is not None and (mixed is None or run.drop - 2.0 * math.log(runs[0].looks) > mixed.drop):
+        return _fact(problem, run)
     return None if mixed is None else _fact(problem, mixed)
 
 
@@ -105,7 +105,7 @@ def _fact(problem: Problem, found: _Kinds) -> Fact:
     own = np.flatnonzero(found.of_second > 0.5).tolist()
     many, count = len(own), found.of_second.size
     where = f"for {many}"
-    if found.run is not None:
+    if found.of_run > 0.0:
         where = f"for the {many} from {_line(problem, own[0])} to {_line(problem, own[-1])}"
     elif many <= _LISTED:
         where = f"for {many} ({', '.join(_line(problem, one) for one in own)})"
@@ -117,7 +117,7 @@ def _fact(problem: Problem, found: _Kinds) -> Fact:
     )
     figures = {"constant": found.name, "values": list(values), "drop": found.drop, "of_second": many}
     figures["rows"] = [_line(problem, one) for one in own]
-    figures["run"] = found.run is not None
+    figures["run"] = found.of_run > 0.0
     return Fact(False, says, figures, FACTS["mixture"])
 
 
@@ -134,14 +134,26 @@ def _of_dof(problem: Problem, more: int) -> float:
     return max(rows - int(problem.parameters.free.sum()) - more, 0) / rows
 
 
+def _apart(problem: Problem, linear: Linearised) -> list[Start]:
+    """Two kinds of unlike mu to start from: where impacts slide changes with it, which no slope tells."""
+    names = problem.parameters.names
+    own = [i for i, place in enumerate(linear.free.tolist()) if quantity_of(names[place]) == "mu"]
+    still, found = np.zeros(linear.free.size + 1), []
+    for column in own:
+        thetas = np.repeat(linear.theta[None], len(_FACTORS), axis=0)
+        thetas[:, linear.free[column]] *= _FACTORS
+        every = linear.about(problem, thetas)
+        for i, j in itertools.combinations(range(len(every)), 2):
+            found.append(Start(column, every[i], every[j], still, 0.5))
+    return found
+
+
 def _mixed_kinds(
     problem: Problem, fit: LeastSquaresFit, linear: Linearised, found: Sequence[LinearKinds]
 ) -> _Kinds | None:
     """Two kinds in any order that explain more than scatter of one kind does."""
     share = _of_dof(problem, 2)
-    if max((one.drop for one in found), default=0.0) <= _WORTH_A_TRY:
-        return None
-    fitted = (_fitted(problem, fit, start) for start in _starts(problem, fit, found))
+    fitted = (_fitted(problem, fit, linear, one) for one in found if one.drop > _WORTH_A_TRY)
     best = max((one for one in fitted if one is not None), key=lambda one: one.drop, default=None)
     if best is None or share * best.drop < _DROP:
         return None
@@ -156,22 +168,59 @@ def _mixed_kinds(
     return best if best.drop >= drop_of_unimodal_errors(problem, linear) + ALIKE else None
 
 
-def _kind_in_a_run(problem: Problem, fit: LeastSquaresFit, linear: Linearised, run: Run) -> _Kinds | None:
+def _kind_in_a_run(
+    problem: Problem,
+    fit: LeastSquaresFit,
+    linear: Linearised,
+    runs: Sequence[Run],
+    kinds: Sequence[LinearKinds],
+) -> _Kinds | None:
     """A run of impacts that has a constant of its own; p times the number of runs and constants."""
-    if run.looks * special.chdtrc(1, run.chi2) >= 1.0:
+    if not runs:
         return None
-    free = np.flatnonzero(problem.parameters.free)
-    place = int(free[run.column])
-    of_second = np.zeros(linear.first.size)
-    of_second[run.first : run.last] = 1.0
-    first, second, after = _of_known_kinds(problem, fit, place, of_second)
-    gain = 2.0 * (after - _log_likelihood(problem, fit.optimum.theta))
-    counted = _of_dof(problem, 1) * np.array([gain.sum(), gain.sum() - gain.max()])
-    p, p_rest = _WAYS * run.looks * special.chdtrc(1, np.maximum(counted, 0.0))
-    if p >= REFUTED or p_rest >= BESIDE:
+    looks = _WAYS * runs[0].looks
+    likely = {(run.first, run.last) for run in runs[:_RUNS] if run.looks * special.chdtrc(1, run.chi2) < 1.0}
+    likely |= {_run_of(problem, fit, linear, one) for one in kinds if one.drop > _HINT}
+    before = _log_likelihood(problem, fit.optimum.theta)
+    best: _Kinds | None = None
+    # of another constant than that whose slopes show it, too: one mu in the place of two moves the others
+    for ends, run in itertools.product(sorted(likely), runs):
+        found = _grown(problem, fit, int(linear.free[run.column]), ends, before)
+        if best is None or found.drop > best.drop:
+            best = found
+    if best is None:
         return None
-    drop = float(gain.sum() - gain.max())
-    return _Kinds(problem.parameters.names[place], first, second, of_second, drop, (run.first, run.last))
+    p, p_rest = looks * special.chdtrc(1, _of_dof(problem, 1) * np.maximum([best.of_run, best.drop], 0.0))
+    return best if p < REFUTED and p_rest < BESIDE else None
+
+
+def _run_of(
+    problem: Problem, fit: LeastSquaresFit, linear: Linearised, kinds: LinearKinds
+) -> tuple[int, int]:
+    """The run of impacts that is most of the second of two kinds."""
+    both = np.stack((fit.optimum.theta, fit.optimum.theta))
+    both[:, linear.free] = kinds.first, kinds.second
+    square = problem.residual(both) ** 2
+    return run_of_largest_sum(_by_impact(problem, (square[0] - square[1]) / fit.sigma**2))
+
+
+def _grown(
+    problem: Problem, fit: LeastSquaresFit, place: int, ends: tuple[int, int], before: Array
+) -> _Kinds:
+    """The best of runs with a constant of their own, from one on, each that of the constants before it."""
+    found: list[_Kinds] = []
+    for _ in range(_ROUNDS):
+        of_second = np.zeros(before.size)
+        of_second[slice(*ends)] = 1.0
+        first, second, total, sides = _of_known_kinds(problem, fit, place, of_second)
+        gain = 2.0 * (total - before)
+        name, fall = problem.parameters.names[place], float(gain.sum())
+        found.append(_Kinds(name, first, second, of_second, fall - float(gain.max()), fall))
+        again = run_of_largest_sum(sides)
+        if again == ends:
+            break
+        ends = again
+    return max(found, key=lambda one: one.drop)
 
 
 def suspicious_constants(problem: Problem, jacobian: Array, residual: Array) -> list[int]:
@@ -258,28 +307,12 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
     return max(without - min(values), 0.0)
 
 
-def _starts(problem: Problem, fit: LeastSquaresFit, found: Sequence[LinearKinds]) -> Iterator[_Start]:
-    """Constants of two kinds to start from: those of the linear law, and others about the optimum."""
-    lower, upper = problem.parameters.bounds()
-    free = np.flatnonzero(problem.parameters.free)
-    theta = fit.optimum.theta
-    for one in found:
-        place, first = int(free[one.column]), theta.copy()
-        first[free] += one.change
-        second = first.copy()
-        second[place] += one.difference
-        yield place, np.clip(first, lower, upper), np.clip(second, lower, upper), one.share
-        for size, share, sign in itertools.product(_STARTS, _SHARES, (1.0, -1.0)):
-            first, second, step = theta.copy(), theta.copy(), 2.0 * sign * size * one.spread
-            first[place] -= step * share
-            second[place] += step * (1.0 - share)
-            yield place, np.clip(first, lower, upper), np.clip(second, lower, upper), share
-
-
-def _fitted(problem: Problem, fit: LeastSquaresFit, start: _Start) -> _Kinds | None:
-    """The best mixture of two kinds that differ in one constant, from a start."""
-    place = start[0]
-    total, first, second, of_second = _search(problem, fit, *start)
+def _fitted(problem: Problem, fit: LeastSquaresFit, linear: Linearised, start: LinearKinds) -> _Kinds | None:
+    """The best mixture of two kinds that differ in one constant, from that of the linear law."""
+    place, both = int(linear.free[start.column]), np.stack((fit.optimum.theta, fit.optimum.theta))
+    both[:, linear.free] = start.first, start.second
+    first, second = np.clip(both, *problem.parameters.bounds())
+    total, first, second, of_second = _search(problem, fit, place, first, second, start.share)
     count = of_second.size
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few + _ROUNDING < max(_LEAST, _SHARE * count):
@@ -360,11 +393,14 @@ def _moved(
 
 def _of_known_kinds(
     problem: Problem, fit: LeastSquaresFit, place: int, of_second: Array
-) -> tuple[Array, Array, Array]:
-    """Constants of both kinds, and log likelihood of each impact, where it is known which is of which."""
+) -> tuple[Array, Array, Array, Array]:
+    """Constants of both kinds, where it is known which impact is of which.
+
+    Besides, the log likelihood of each impact, and by how much that of the second kind is larger.
+    """
     misfit, own = Misfit.of(problem), of_second[problem.rows.impacts] > 0.5
     first = second = fit.optimum.theta
-    best = math.inf, first, second, np.empty(0)
+    best = math.inf, first, second, np.empty(0), np.empty(0)
     for _ in range(_STEPS):
         of_first, of_other = problem.residual(np.stack((first, second)))
         left: Array = np.where(own, of_other, of_first)
@@ -373,6 +409,7 @@ def _of_known_kinds(
         now = -2.0 * float(total.sum())
         if not best[0] - now >= _AT_REST:
             break
-        best = now, first, second, total
+        sides = _by_impact(problem, 0.5 * (of_first**2 - of_other**2) / sigma**2)
+        best = now, first, second, total, sides
         first, second = _moved(problem, place, first, second, of_second, sigma)
     return best[1:]
