@@ -141,6 +141,10 @@ class LinearKinds:
         Fall of -2 log likelihood without the impact that speaks most.
     spread : float
         Scatter of the constant from impact to impact, of one kind.
+    noises : ndarray, (groups,)
+        Unknown ones, in those of one kind.
+    about : (ndarray, ndarray), (p,) each
+        Constants about which the law of either kind is linear.
     """
 
     column: int
@@ -149,6 +153,8 @@ class LinearKinds:
     share: float
     drop: float
     spread: float
+    noises: Array
+    about: tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -195,15 +201,25 @@ def linear_kinds(linear: Linearised, columns: Index, others: Sequence[Start] = (
     better = _best(search.columns, state[-1].sum(axis=1), _KEPT)
     search = search.some(better)
     change, share, variance, _ = (part[better] for part in state)
-    change, share, _, gain = search.run(linear, change, share, variance, _LAST_STEPS)
+    change, share, variance, gain = search.run(linear, change, share, variance, _LAST_STEPS)
     drop = gain.sum(axis=1) - gain.max(axis=1)
     found = []
     for i in _best(search.columns, gain.sum(axis=1), 1).tolist():
         start = starts[int(better[i])]
         first, second = change[i, :-1].copy(), change[i, :-1].copy()
         second[start.column] = change[i, -1]
-        ends = start.first.free_constants + first, start.second.free_constants + second
-        found.append(LinearKinds(start.column, *ends, float(share[i]), float(drop[i]), spread[start.column]))
+        found.append(
+            LinearKinds(
+                start.column,
+                start.first.free_constants + first,
+                start.second.free_constants + second,
+                float(share[i]),
+                float(drop[i]),
+                spread[start.column],
+                np.sqrt([variance[i, rows[0]] for rows in linear.groups]),
+                (start.first.theta, start.second.theta),
+            )
+        )
     return found
 
 

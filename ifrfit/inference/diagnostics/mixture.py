@@ -15,7 +15,7 @@ from ifrfit.inference.diagnostics.linear_mixture import Linearised, LinearKinds,
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.nuisances import is_in_order
 from ifrfit.inference.diagnostics.slips.refit import Misfit
-from ifrfit.inference.diagnostics.thresholds import ALIKE, BESIDE, FACTS, REFUTED
+from ifrfit.inference.diagnostics.thresholds import ALIKE, BESIDE, FACTS, REFUTED, TELLING
 from ifrfit.inference.diagnostics.unimodal_errors import drop_of_unimodal_errors
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
@@ -26,7 +26,6 @@ from ifrfit.inference.result.types import Fact
 
 _FEWEST = 10  # impacts below which no two kinds are looked for
 _MOST = 20_000  # beyond, it would take more than seconds
-_DROP = -2.0 * math.log(REFUTED)  # fall of -2 log likelihood; 1 of 1,000 tables of one kind reaches it
 _WAYS = 2  # in which two kinds are looked for: in any order, and in a run
 _WORTH_A_TRY = 6.0  # fall of the linear law from which a mixture of two laws is fitted
 _SUSPECT = 2.0  # standard deviations of overdispersion along a constant that are suspicious
@@ -40,6 +39,7 @@ _HINT = 3.0  # fall of the linear law by two kinds from which they show where a 
 _RUNS = 2  # of which the law itself is asked
 _ROUNDS = 4  # in which a run finds its ends
 _STEPS = 30
+_PARTS = (1.0, 0.5, 0.25, 0.125)  # of a step, of which the first is taken that leads no further away
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
 _SPREADS = 25  # of a constant, at which the likelihood of its scatter is compared at a time
 _LOOSE = 1e-6
@@ -62,7 +62,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
     """Look for two kinds of impacts that differ in one constant.
 
     Impacts of two kinds in any order are looked for by a mixture of two laws, first linear in the constants.
-    It counts where -2 log likelihood falls by `_DROP` without the impact that speaks most, as far as the
+    It counts where -2 log likelihood falls by `TELLING` without the impact that speaks most, as far as the
     constants leave degrees of freedom, and by `ALIKE` more than for a constant that scatters normally, which
     is how errors look that grow where it acts, and than for skewed or heavy-tailed errors of one hump. In a
     table whose order is that of the readings a run of impacts of a kind of its own is looked for, too.
@@ -155,7 +155,7 @@ def _mixed_kinds(
     share = _of_dof(problem, 2)
     fitted = (_fitted(problem, fit, linear, one) for one in found if one.drop > _WORTH_A_TRY)
     best = max((one for one in fitted if one is not None), key=lambda one: one.drop, default=None)
-    if best is None or share * best.drop < _DROP:
+    if best is None or share * best.drop < TELLING:
         return None
     free = np.flatnonzero(problem.parameters.free).tolist()
     place = problem.parameters.names.index(best.name)
@@ -312,7 +312,13 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, linear: Linearised, start: L
     place, both = int(linear.free[start.column]), np.stack((fit.optimum.theta, fit.optimum.theta))
     both[:, linear.free] = start.first, start.second
     first, second = np.clip(both, *problem.parameters.bounds())
-    total, first, second, of_second = _search(problem, fit, place, first, second, start.share)
+    sigma = likely_sigma(problem, fit.optimum.theta)
+    for rows, noise in zip(problem.noise_groups().values(), start.noises, strict=True):
+        sigma[rows] *= noise
+    found = [_search(problem, place, first, second, start.share, sigma)]
+    if start.about[0] is not start.about[1]:  # where the law bends, its slopes may have led astray
+        found.append(_search(problem, place, *start.about, start.share, sigma))
+    total, first, second, of_second = max(found, key=lambda one: float(one[0].sum()))
     count = of_second.size
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few + _ROUNDING < max(_LEAST, _SHARE * count):
@@ -348,18 +354,23 @@ def _mixed(
 
 
 def _search(
-    problem: Problem, fit: LeastSquaresFit, place: int, first: Array, second: Array, share: float
+    problem: Problem, place: int, first: Array, second: Array, share: float, sigma: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Log likelihood of each impact, both kinds, and the probability of the second one.
 
     Expectation and maximisation, by one step of Gauss and Newton each.
     """
-    total, of_second, sigma = _mixed(problem, first, second, share, fit.sigma)
+    total, of_second, sigma = _mixed(problem, first, second, share, sigma)
     for _ in range(_STEPS):
-        moved = _moved(problem, place, first, second, of_second, sigma)
+        whole = _moved(problem, place, first, second, of_second, sigma)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
-        after, other, noise = _mixed(problem, *moved, share, sigma)
-        if 2.0 * float(after.sum() - total.sum()) < _AT_REST:
+        for part in _PARTS:
+            moved = first + part * (whole[0] - first), second + part * (whole[1] - second)
+            after, other, noise = _mixed(problem, *moved, share, sigma)
+            gained = 2.0 * float(after.sum() - total.sum())
+            if gained >= 0.0:
+                break
+        if gained < _AT_REST:
             break
         (first, second), total, of_second, sigma = moved, after, other, noise
     return total, first, second, of_second
