@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -23,6 +23,7 @@ from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
 
 _FEWEST = 10  # impacts below which no two kinds are looked for
 _MOST = 20_000  # beyond, it would take more than seconds
@@ -55,6 +56,7 @@ class _Kinds:
     second: Array
     of_second: Array
     drop: float
+    proven: str = ""  # over what, in words
     of_run: float = 0.0  # fall with the impact that speaks most, where those of the second kind are a run
 
 
@@ -89,7 +91,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
     if not columns.size:
         return None
     thinned = linear.thinned()
-    kinds = linear_kinds(thinned, columns, _apart(problem, thinned))
+    kinds = linear_kinds(thinned, columns, _of_unlike_mu(problem, thinned))
     mixed = _mixed_kinds(problem, fit, linear, kinds)
     runs = [] if is_in_order(problem) else best_runs(linear, columns)
     run = _kind_in_a_run(problem, fit, linear, runs, kinds)
@@ -112,7 +114,7 @@ def _fact(problem: Problem, found: _Kinds) -> Fact:
     says = (
         f"the table looks as if it held impacts of two kinds: {found.name} {values[0]:.3g} for some "
         f"{count - many} of them and {values[1]:.3g} {where} (-2 log likelihood falls by "
-        f"{found.drop:.3g}): tell balls, walls or days apart in a column series, and try "
+        f"{found.drop:.3g}{found.proven}): tell balls, walls or days apart in a column series, and try "
         f"--separate {quantity_of(found.name)}"
     )
     figures = {"constant": found.name, "values": list(values), "drop": found.drop, "of_second": many}
@@ -134,7 +136,7 @@ def _of_dof(problem: Problem, more: int) -> float:
     return max(rows - int(problem.parameters.free.sum()) - more, 0) / rows
 
 
-def _apart(problem: Problem, linear: Linearised) -> list[Start]:
+def _of_unlike_mu(problem: Problem, linear: Linearised) -> list[Start]:
     """Two kinds of unlike mu to start from: where impacts slide changes with it, which no slope tells."""
     names = problem.parameters.names
     own = [i for i, place in enumerate(linear.free.tolist()) if quantity_of(names[place]) == "mu"]
@@ -165,7 +167,9 @@ def _mixed_kinds(
     spread = abs(float(best.second[place] - best.first[place]))
     if best.drop < _drop_of_normal(problem, along, residual, spread) + ALIKE:
         return None
-    return best if best.drop >= drop_of_unimodal_errors(problem, linear) + ALIKE else None
+    more = best.drop - drop_of_unimodal_errors(problem, linear)
+    proven = f", {more:.3g} more than for errors of one hump, skewed or with tails"
+    return replace(best, proven=proven) if more >= ALIKE else None
 
 
 def _kind_in_a_run(
@@ -191,7 +195,8 @@ def _kind_in_a_run(
     if best is None:
         return None
     p, p_rest = looks * special.chdtrc(1, _of_dof(problem, 1) * np.maximum([best.of_run, best.drop], 0.0))
-    return best if p < REFUTED and p_rest < BESIDE else None
+    proven = f", p = {p_text(float(p))} of the best of {runs[0].looks} runs and constants"
+    return replace(best, proven=proven) if p < REFUTED and p_rest < BESIDE else None
 
 
 def _run_of(
@@ -215,7 +220,8 @@ def _grown(
         first, second, total, sides = _of_known_kinds(problem, fit, place, of_second)
         gain = 2.0 * (total - before)
         name, fall = problem.parameters.names[place], float(gain.sum())
-        found.append(_Kinds(name, first, second, of_second, fall - float(gain.max()), fall))
+        drop = fall - float(gain.max())
+        found.append(_Kinds(name, first, second, of_second, drop, of_run=fall))
         again = run_of_largest_sum(sides)
         if again == ends:
             break

@@ -38,6 +38,8 @@ def test_another_ball_is_told(number):
     # the constants of the larger kind may be those of either ball, where nearly half of the impacts are
     assert sorted(fact.figures["values"]) == pytest.approx(sorted((first[name], second[name])), rel=0.2)
     assert len(fact.figures["rows"]) == fact.figures["of_second"]
+    proven = "runs and constants" if fact.figures["run"] else "more than for errors of one hump"
+    assert proven in fact.says
 
 
 def of_another_mu(seed, many, mu):
