@@ -372,7 +372,7 @@ CASES = (
         "Impacts of mu 0.09 and 0.16 in one series, in no order.",
         "The first line says that the table looks as if it held impacts of two kinds, with both values.",
         fitted(_two_balls()),
-        _looks("mixture", "impacts of two kinds: mu 0.1", "--separate mu"),
+        _looks("mixture", "impacts of two kinds: mu 0.09", "--separate mu"),
     ),
     _case(
         "9.99 for not measured",

@@ -383,11 +383,9 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
 
     Only where the rows are not in the order of angle or speed, nor sorted by their values.
     """
+    if int(problem.rows.impacts.max()) < _FEWEST_IMPACTS - 1 or is_in_order(problem):
+        return
     along = _place_in_table(problem)
-    if int(problem.rows.impacts.max()) < _FEWEST_IMPACTS - 1 or _is_ordered(problem, along):
-        return
-    if is_sorted_by_values(problem):
-        return
 
     def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:
         place = problem.parameters.positions[constant][problem.rows.series]
@@ -419,6 +417,11 @@ def _place_in_table(problem: Problem) -> Array:
         if place.max() > 0:
             along[own] = place / place.max() - 0.5
     return along
+
+
+def is_in_order(problem: Problem) -> bool:
+    """Whether the order of a table is one of angle, speed or values, and not that of its readings."""
+    return _is_ordered(problem, _place_in_table(problem)) or is_sorted_by_values(problem)
 
 
 def _is_ordered(problem: Problem, along: Array) -> bool:
