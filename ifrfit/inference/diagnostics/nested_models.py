@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy import special
 
 from ifrfit.errors import DataError
@@ -147,13 +148,15 @@ def _by_file(problem: Problem) -> tuple[Problem, bool]:
     table, rows = problem.observations.table, problem.rows
     if problem.noise.separate or any(c.separate for c in problem.parameters):
         return problem, False
-    names, source = np.unique(table["source"].to_numpy(dtype=str), return_inverse=True)
+    source, names = pd.factorize(table["source"], sort=True)
+    if len(names) < 2:
+        return problem, False
     series, label = rows.series.copy(), list(problem.series)
     for number, name in enumerate(problem.series):
         own = rows.series == number
         files = np.unique(source[own])
         if (
-            np.unique(np.column_stack((source, rows.which))[own], axis=0).shape[0]
+            np.unique(source[own] * len(rows.names) + rows.which[own]).size
             == np.unique(rows.which[own]).size
         ):
             continue

@@ -119,9 +119,16 @@ class Problem:
         return np.concatenate([of(replace(self, rows=rows)) for _, rows in blocks], axis=axis)
 
     def _predict(self, theta: Array) -> Array:
-        e_n, c, mu = self._columns(theta)
-        k, _ = self.impulse(e_n, c, mu)
-        return self.values_with(k, e_n, mu)
+        columns = self._columns(theta)
+        law = self.closure.law(self.inertia_factor)
+        shape = np.broadcast_shapes(theta.shape[:-1], self.rows.tau.shape[:-1])
+        out, nothing = np.empty((*shape, len(self.rows))), np.zeros(1)
+        for observable, at, incidence in self.rows.places:
+            e_n, c, mu = (x if x.shape[-1] == 1 else x[..., at] for x in columns)
+            # rows that do not know the closure have no impulse to work out
+            k = law.impulse(incidence, c, mu * (1.0 + e_n))[0] if observable.kind in OBLIQUE else nothing
+            out[..., at] = observable.by_form(incidence, k, e_n, mu, self.inertia_factor)
+        return out
 
     def residual(self, theta: Array) -> Array:
         """Measured value less `predict` of each row, (..., n), at theta, (..., p)."""
@@ -153,7 +160,7 @@ class Problem:
         """Value of each row, (..., n), given its impulse factor k, (..., n); e_n and mu broadcast to it."""
         k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
         out = np.empty(k.shape)
-        for observable, at, incidence in self.rows.by_observable:
+        for observable, at, incidence in self.rows.places:
             own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
             out[..., at] = observable.by_form(incidence, k[..., at], own_e_n, own_mu, self.inertia_factor)
         return out

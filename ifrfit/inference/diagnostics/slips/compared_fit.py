@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -169,12 +170,18 @@ class ComparedFit:
         return float(self.misfit.likelihood(self.before))
 
     def with_size(
-        self, model: Sized, size: float, limits: tuple[float, float], likely: tuple[float, ...] = ()
+        self,
+        model: Sized,
+        size: float,
+        limits: tuple[float, float],
+        likely: tuple[float, ...] = (),
+        of_rows: Callable[[Index], Sized] | None = None,
     ) -> tuple[float, Array]:
         """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
         Priors of the user take part in the search, fixed constants as wide ones, and what it moves away from
-        them counts against it. At sizes that are `likely` the constants are looked for all over the domain.
+        them counts against it. At sizes that are `likely` the constants are looked for all over the domain, by
+        some rows alone: `of_rows` is the model of these, where all values need not be computed for them.
         """
         problem, theta = self.problem, self.fit.optimum.theta
         fixed = ~problem.parameters.free
@@ -204,11 +211,13 @@ class ComparedFit:
         if likely:
             tried = [np.column_stack((self._places, np.full(len(self._places), one))) for one in likely]
 
-            def of_rows(x: Array, rows: Index) -> Array:
+            def of_some(x: Array, rows: Index) -> Array:
+                if of_rows is not None:
+                    return of_rows(rows)(x[:, :-1], x[:, -1])
                 parts = in_parts(x, problem.rows.value.size)
                 return np.concatenate([model(part[:, :-1], part[:, -1])[:, rows] for part in parts])
 
-            place = best_start(of_rows, self.misfit, problem.rows.value, np.concatenate(tried))
+            place = best_start(of_some, self.misfit, problem.rows.value, np.concatenate(tried))
             best = max(best, searched(place), key=lambda each: each[0])
         return best
 
@@ -257,7 +266,8 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
         return problem.predict(theta) + size[:, None] * change
 
     values = direction.values or along
-    drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
+    limits = (least, math.inf)
+    drop, x = whole.with_size(values, score.strength, limits, direction.likely, direction.of_rows)
     if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
     size = float(x[-1])

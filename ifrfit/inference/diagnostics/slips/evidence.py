@@ -139,7 +139,7 @@ def _slip(
     beyond = nuisance.far if far else ()
     if p >= limit and not beyond:
         return slip
-    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond)
+    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond, nuisance.of_rows)
     theta, size = x[:-1], float(x[-1])
     if p >= REFUTED and beyond:
         after = whole.problem.rows.value - nuisance.values(theta[None, :], x[-1:])[0]

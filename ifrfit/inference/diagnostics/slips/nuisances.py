@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ifrfit.inference.diagnostics.independence import is_sorted_by_values
 from ifrfit.inference.diagnostics.thresholds import RANGE_OF_SPEEDS
 from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE, Array
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
 from ifrfit.physics.rebound import Reading, Rebound, rebound_with
@@ -225,6 +226,8 @@ class Nuisance:
         Of one hypothesis, in the correction for their number: less where several are ways of one slip.
     far : tuple of float
         Sizes that are looked at where no line shows it, and something else is amiss.
+    of_rows : callable, optional
+        From rows to `values` of these alone.
     """
 
     name: str
@@ -236,6 +239,7 @@ class Nuisance:
     series: str = ""
     share: float = 1.0
     far: tuple[float, ...] = ()
+    of_rows: Callable[[Index], Sized] | None = None
 
     @property
     def most(self) -> float:
@@ -330,13 +334,18 @@ def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
 
     usually = float(np.median(speed))
 
+    def of_rows(name: str, rows: Index) -> Sized:
+        part, own = replace(problem, rows=problem.rows.take(rows)), speed[rows]
+        return lambda theta, size: readings(part, theta, zero_of_velocities(name, size[:, None] / own))
+
     def read(name: str) -> Nuisance:
         def values(theta: Array, size: Array) -> Array:
             return readings(problem, theta, zero_of_velocities(name, size[:, None] / speed))
 
         low, high, usual = (x * usually for x in _ZEROS[name][1:])
         far = (-usual, usual, 3.0 * usual) if name == _MOVING else ()
-        return Nuisance(name, values, (low, high), usual, share=1.0 / len(_ZEROS), far=far)
+        share, some = 1.0 / len(_ZEROS), partial(of_rows, name)
+        return Nuisance(name, values, (low, high), usual, share=share, far=far, of_rows=some)
 
     for name in _ZEROS:
         yield read(name)
@@ -389,13 +398,25 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
     if is_sorted_by_values(problem):
         return
 
+    last: dict[bytes, tuple[Array, Array]] = {}
+
+    def linearised(theta: Array) -> tuple[Array, Array]:
+        """Values, (n,), and their derivatives, (n, p): the drifts are all asked for at the same place."""
+        if theta.tobytes() not in last:
+            last.clear()
+            last[theta.tobytes()] = problem.predict(theta), problem.jacobian(theta)
+        return last[theta.tobytes()]
+
     def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:
         place = problem.parameters.positions[constant][problem.rows.series]
         row = np.arange(shape.size)
 
         def values(theta: Array, size: Array) -> Array:
-            slope = np.stack([problem.jacobian(each)[row, place] for each in theta])
-            return problem.predict(theta) + size[:, None] * shape * slope
+            out = np.empty((len(theta), shape.size))
+            for number, each in enumerate(theta):
+                value, slopes = linearised(each)
+                out[number] = value + size[number] * shape * slopes[row, place]
+            return out
 
         return Nuisance(name, values, (-0.5, 0.5), usual, constant=constant)
 
@@ -441,4 +462,4 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
     def values(theta: Array, size: Array) -> Array:
         return np.where(own, nuisance.values(theta, size), problem.predict(theta))
 
-    return replace(nuisance, values=values, series=problem.series[number])
+    return replace(nuisance, values=values, series=problem.series[number], of_rows=None)

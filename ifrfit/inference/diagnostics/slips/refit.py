@@ -128,11 +128,14 @@ def in_parts(places: Array, n: int) -> list[Array]:
     return np.array_split(places, min(len(places), 1 + len(places) * n // _AT_ONCE))
 
 
+def spread(n: int, count: int) -> Index:
+    """Some of n places, spread over all in step with no order that these may have: `count` of them at most."""
+    return np.unique((np.arange(1, count + 1) * _GOLDEN % 1.0 * n).astype(np.intp))
+
+
 def best_start(values: Callable[[Array, Index], Array], misfit: Misfit, value: Array, tried: Array) -> Array:
     """Of several thetas, (m, p), the one whose values lie nearest: they are asked of some rows, (m, rows)."""
-    rows = np.arange(value.size)
-    if rows.size > _ROWS_OF_STARTS:  # spread over the table, in step with no order that it may have
-        rows = np.unique((np.arange(1, _ROWS_OF_STARTS + 1) * _GOLDEN % 1.0 * value.size).astype(np.intp))
+    rows = np.arange(value.size) if value.size <= _ROWS_OF_STARTS else spread(value.size, _ROWS_OF_STARTS)
     far = misfit.of_rows(rows).likelihood(value[rows] - np.nan_to_num(values(tried, rows), nan=1e3))
     return np.asarray(tried[np.argmin(far)])
 
