@@ -20,6 +20,7 @@ from ifrfit.inference.diagnostics.slips.refit import (
     in_parts,
     refitted,
     search,
+    spread,
     starts,
 )
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -32,6 +33,7 @@ _FIXED = 0.2  # by which a constant that was fixed may be off
 _EXACT = 600.0  # logarithm by which squares fall where nothing is left of them, far from what numbers hold
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
+_ROWS_OF_SEARCH = 4000  # of many, by which the constants of a changed table are looked for at first
 _OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
 
 
@@ -223,11 +225,14 @@ class ComparedFit:
 
     def of_alternative(self, each: Alternative) -> tuple[Array, Array]:
         """Its constants, and its residuals in the unit of the given values."""
-        problem = self.problem
-        start = best_start(each.values_of_rows, self.misfit, problem.rows.value, self._places)
+        misfit, value, bounds = self.misfit, self.problem.rows.value, self.problem.parameters.bounds()
+        start = best_start(each.values_of_rows, misfit, value, self._places)
         target = self.likelihood - DECISIVE + _ROOM
-        bounds = problem.parameters.bounds()
-        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)
+        near = value.size >= 2 * _ROWS_OF_SEARCH and not each.ranked.size
+        if near:  # some of many rows tell nearly where it is
+            some = spread(value.size, _ROWS_OF_SEARCH)
+            start, _ = search(each.of_rows(some).values, misfit.of_rows(some), value[some], start, bounds)
+        return search(each.values, misfit, value, start, bounds, target, near=near)
 
     def sd_of(self, size: float, drop: float, after: Array) -> float:
         """Standard deviation of a fitted size that takes so much off -2 log likelihood, and leaves residuals.

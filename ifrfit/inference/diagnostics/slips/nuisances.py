@@ -38,6 +38,8 @@ _MOVING = "zero-along"  # which may make sliding of sticking, and no line then
 _PLACES = ("x_before", "z_before", "x_after", "z_after")
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
 _OF_CONTACT = ("beta", "tan_psi_after")  # its velocity after impact over one before
+_OF_VELOCITY_BEFORE = ("offset", "angle", "turn", "along", "gained", "x_before", "z_before")
+_OF_SPIN_BEFORE = ("spin", "constant_spin", "rolled", "spin_zero")
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -95,6 +97,10 @@ class Flaw:
     x_after: Size = 0.0
     z_after: Size = 0.0
 
+    def has(self, *names: str) -> bool:
+        """Whether anything is off in one of these."""
+        return any(bool(np.any(getattr(self, name))) for name in names)
+
     def of_rows(self, place: slice) -> Flaw:
         """What is off in some of the rows, where it differs from row to row."""
         sizes = {name: np.asarray(size) for name, size in vars(self).items()}
@@ -123,7 +129,8 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
 
 
 def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
-    given, true = problem.rows.incidence, _true_incidence(problem, flaw)
+    given, before = problem.rows.incidence, _velocity_before(problem, flaw)
+    true = _true_incidence(problem, flaw, before)
     e_n, c, mu = problem.per_row(theta)
     law = problem.closure.law(problem.inertia_factor)
     k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
@@ -132,7 +139,7 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
-    length = 1.0 / np.hypot(*_velocity_before(problem, flaw))
+    length = 1.0 / np.hypot(*before)
     speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
     v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
     v_n = speed * (state.v_n * cosine + state.v_x * sine)
@@ -147,9 +154,11 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
 
 
-def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
-    """The impacts as they were, from what is given of them."""
-    given, (along, towards) = problem.rows.incidence, _velocity_before(problem, flaw)
+def _true_incidence(problem: Problem, flaw: Flaw, before: tuple[Array, Array]) -> Incidence:
+    """The impacts as they were, from what is given of them and their true velocities before."""
+    given, (along, towards) = problem.rows.incidence, before
+    if not flaw.has(*_OF_VELOCITY_BEFORE, *_OF_SPIN_BEFORE):
+        return given
     gamma, speed = np.degrees(np.arctan2(along, towards)), np.hypot(along, towards)
     scale = 1.0 / speed / (1.0 + flaw.spin)
     spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * along / speed
@@ -158,6 +167,8 @@ def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
 
 def _velocity_before(problem: Problem, flaw: Flaw) -> tuple[Array, Array]:
     """True velocities along the wall and towards it, over the speed that was read."""
+    if not flaw.has(*_OF_VELOCITY_BEFORE):
+        return problem.rows.incidence.sine, problem.rows.incidence.cosine
     gamma = np.radians((problem.rows.gamma_deg + flaw.offset - flaw.turn) / (1.0 + flaw.angle))
     along, towards = np.sin(gamma) / (1.0 + flaw.along), np.cos(gamma)
     if np.any(flaw.gained):
@@ -168,7 +179,7 @@ def _velocity_before(problem: Problem, flaw: Flaw) -> tuple[Array, Array]:
 def _is_of_incidence(flaw: Flaw) -> bool:
     """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
     own = ("offset", "angle", "spin_zero")
-    return not any(np.any(size) for name, size in vars(flaw).items() if name not in own)
+    return not flaw.has(*(name for name in vars(flaw) if name not in own))
 
 
 def _values(problem: Problem, state: Rebound, mu: Array) -> Array:

@@ -97,6 +97,13 @@ class Misfit:
         return sigma
 
 
+def without_nan(values: Array, far: float = 0.0) -> Array:
+    """Values with a number in the place of nan, and of finite size; those that are so are given back."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_finite = math.isfinite(values.sum())
+    return values if is_finite else np.nan_to_num(values, nan=far)
+
+
 def starts(problem: Problem, theta: Array) -> Array:
     """Places all over the domain, and theta, (m, p)."""
     axes: list[tuple[float, ...]] = []
@@ -147,6 +154,8 @@ def search(
     start: Array,
     bounds: tuple[Array, Array],
     target: float = math.inf,
+    *,
+    near: bool = False,
 ) -> tuple[Array, Array]:
     """Gauss-Newton within bounds; noises follow from the residuals.
 
@@ -161,6 +170,8 @@ def search(
     bounds : (ndarray, ndarray), (q,) each
     target : float
         Minus twice the log likelihood: a table is given up whose steps are too short to reach it.
+    near : bool
+        Whether the start lies so near to the best constants that the first step tells that already.
 
     Returns
     -------
@@ -174,7 +185,7 @@ def search(
     for left_over in range(_STEPS, 0, -1):
         change = _step(misfit, x, slopes, residual, bounds)
         promised = now - float(misfit.likelihood(residual - change @ slopes))
-        if not promised > _AT_REST:
+        if not promised > _AT_REST or (near and now - left_over * promised >= target):
             break
         # the whole step is taken with the slopes at its end, and only where it fails, parts of it are tried
         whole = np.clip(x + change, lower, upper)
@@ -183,7 +194,7 @@ def search(
         if not now - best[0] >= _TRUSTED * promised:
             tried = np.clip(x + 0.5 ** np.arange(1, _HALVINGS)[:, None] * change, lower, upper)
             for part in in_parts(tried, value.size):
-                left = value - np.nan_to_num(values(part))
+                left = value - without_nan(values(part))
                 nearest = int(np.argmin(far := misfit.likelihood(left)))
                 if far[nearest] < best[0]:
                     best = float(far[nearest]), part[nearest], left[nearest]
@@ -211,7 +222,7 @@ def _linearised(values: Values, value: Array, x: Array, bounds: tuple[Array, Arr
     for part in in_parts(np.concatenate((x[None], x + np.diag(step))), value.size):
         found[done : done + len(part)] = values(part)
         done += len(part)
-    at_x, slopes = np.split(np.nan_to_num(found, copy=False), [1])
+    at_x, slopes = np.split(without_nan(found), [1])
     slopes -= at_x
     slopes /= step[:, None]
     return slopes, value - at_x[0]

@@ -13,7 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.alternatives import SPEEDS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, spread, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, spread, starts, without_nan
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
@@ -168,8 +168,12 @@ def _classified(
     else:  # of many impacts some tell from where to begin
         part = replace(problem, rows=problem.rows.take(some))
         few = _Choice(part, misfit.of_rows(some), reading.of_rows(some))
-        nearest = min((few.divided(start) for start in few.starts(theta)), key=lambda one: one.far)
-        tried = [whole.divided(start) for start in (theta, nearest.theta)]
+        every = few.starts(theta)
+        divisions = [few.divided(start) for start in every]
+        nearest = min(range(len(every)), key=lambda number: divisions[number].far)
+        tried = [whole.divided(divisions[nearest].theta)]
+        if not np.array_equal(every[nearest], theta):
+            tried.insert(0, whole.divided(theta))
     most = reading.most * len(problem.rows)
     kept = [one for one in tried if _FEWEST_OF_KIND <= one.at.sum() <= most]
     if not kept:
@@ -230,7 +234,7 @@ class _Choice:
 
     def residuals(self, theta: Array) -> tuple[Array, Array]:
         """Residuals of both readings, (..., n); far off where there is no value."""
-        plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (self.problem, self.other))
+        plain, read = (without_nan(each.residual(theta), 1e3) for each in (self.problem, self.other))
         return plain, read
 
     def nearer(self, theta: Array) -> Array:
