@@ -191,6 +191,19 @@ class Rows:
         return number[inverse]
 
     @cached_property
+    def shared_incidence(self) -> tuple[Index, Index] | None:
+        """A row of each impact, and the impact of each row, (n,).
+
+        None where no impact has several rows, or rows of one differ in series, angle or spins.
+        """
+        impact, i = self.impacts, self.incidence
+        first = np.unique(impact, return_index=True)[1]
+        if first.size == impact.size:
+            return None
+        own = (i.sine, i.cosine, i.spin_x, i.spin_y, self.gamma_deg, self.series)
+        return (first, impact) if all(np.array_equal(x, x[..., first[impact]]) for x in own) else None
+
+    @cached_property
     def setting(self) -> Index:
         """Setting of each row, (n,): rows of one number have the same series, angle and spins."""
         i = self.incidence

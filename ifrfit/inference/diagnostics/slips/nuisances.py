@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,6 +15,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
+from ifrfit.physics.observable import Observable
 from ifrfit.physics.rebound import Reading, Rebound, rebound_with
 
 Size = float | Array
@@ -101,11 +102,19 @@ class Flaw:
         """Whether anything is off in one of these."""
         return any(bool(np.any(getattr(self, name))) for name in names)
 
-    def of_rows(self, place: slice) -> Flaw:
-        """What is off in some of the rows, where it differs from row to row."""
+    @property
+    def _by_row(self) -> dict[str, Array]:
+        """What differs from row to row."""
         sizes = {name: np.asarray(size) for name, size in vars(self).items()}
-        parts = {name: x[..., place] for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
-        return replace(self, **parts)
+        return {name: x for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
+
+    def of_rows(self, place: slice | Index) -> Flaw:
+        """What is off in some of the rows, where it differs from row to row."""
+        return replace(self, **{name: x[..., place] for name, x in self._by_row.items()})
+
+    def is_same(self, first: Index, impact: Index) -> bool:
+        """Whether all rows of an impact have what the first of them has."""
+        return all(np.array_equal(x, x[..., first[impact]]) for x in self._by_row.values())
 
 
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
@@ -122,13 +131,25 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     -------
     ndarray, (..., n)
     """
-    out = np.empty((*theta.shape[:-1], len(problem.rows)))
-    for place, rows in problem.rows.blocks:
-        out[..., place] = _read(replace(problem, rows=rows), theta, flaw.of_rows(place))
+    rows = problem.rows
+    shared = rows.shared_incidence
+    if shared is not None and flaw.is_same(*shared):  # several values of one impact
+        first, impact = shared
+        problem, flaw = replace(problem, rows=rows.take(first)), flaw.of_rows(first)
+    else:
+        impact = np.arange(len(rows))
+    read = [
+        _read(replace(problem, rows=block), theta, flaw.of_rows(place), rows.measured)
+        for place, block in problem.rows.blocks
+    ]
+    out = np.empty((*theta.shape[:-1], len(rows)))
+    for (_, at, _), values in zip(rows.by_observable, zip(*read, strict=True), strict=True):
+        out[..., at] = np.concatenate(values, axis=-1)[..., impact[at]]
     return out
 
 
-def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
+def _read(problem: Problem, theta: Array, flaw: Flaw, observables: Sequence[Observable]) -> list[Array]:
+    """Each of these observables of every row's impact, (..., n) each."""
     given, before = problem.rows.incidence, _velocity_before(problem, flaw)
     true = _true_incidence(problem, flaw, before)
     e_n, c, mu = problem.per_row(theta)
@@ -136,7 +157,7 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
     state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
     if _is_of_incidence(flaw):  # the values are those of the true impact
-        return _values(problem, state, mu)
+        return _values(observables, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
     length = 1.0 / np.hypot(*before)
@@ -151,7 +172,7 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
         impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
     parts = (v_x, v_y, v_n, spin_x, spin_y, sticks.astype(bool), impulse)
-    return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
+    return _values(observables, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
 
 
 def _true_incidence(problem: Problem, flaw: Flaw, before: tuple[Array, Array]) -> Incidence:
@@ -182,11 +203,8 @@ def _is_of_incidence(flaw: Flaw) -> bool:
     return not flaw.has(*(name for name in vars(flaw) if name not in own))
 
 
-def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
-    out = np.empty(mu.shape)
-    for observable, at, _ in problem.rows.by_observable:
-        out[..., at] = np.broadcast_to(observable.value(state, mu), out.shape)[..., at]
-    return out
+def _values(observables: Sequence[Observable], state: Rebound, mu: Array) -> list[Array]:
+    return [np.broadcast_to(each.value(state, mu), mu.shape) for each in observables]
 
 
 def of_inertia(problem: Problem, theta: Array, share: Array) -> Array:
