@@ -242,9 +242,10 @@ class SearchObjective:
         q = len(slopes)
         gradient, hessian, of_logarithms = np.zeros((len(theta), q)), *np.zeros((2, len(theta), q, q))
         for number, (own, off, weight) in enumerate(terms):
-            pull = 2.0 * weight[:, None] * np.einsum("qmn,mn->mq", own, off)
+            by_place = own.transpose(1, 0, 2)
+            pull = 2.0 * weight[:, None] * (by_place @ off[..., None])[..., 0]
             gradient -= pull
-            hessian += 2.0 * weight[:, None, None] * np.einsum("qmn,rmn->mqr", own, own)
+            hessian += 2.0 * weight[:, None, None] * (by_place @ by_place.swapaxes(1, 2))
             if number < len(self.groups):
                 of_logarithms += pull[:, :, None] * pull[:, None, :] / dof[:, number, None, None]
         return gradient, hessian, hessian - of_logarithms
