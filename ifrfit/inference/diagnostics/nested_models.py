@@ -159,10 +159,7 @@ def _by_file(problem: Problem) -> tuple[Problem, bool]:
     for number, name in enumerate(problem.series):
         own = rows.series == number
         files = np.unique(source[own])
-        if (
-            np.unique(source[own] * len(rows.names) + rows.which[own]).size
-            == np.unique(rows.which[own]).size
-        ):
+        if np.unique(source[own] * len(rows.names) + rows.which[own]).size == np.unique(rows.which[own]).size:
             continue
         for file in files[1:].tolist():
             series[own & (source == file)] = len(label)

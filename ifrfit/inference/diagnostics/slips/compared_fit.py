@@ -182,8 +182,8 @@ class ComparedFit:
         """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
         Priors of the user take part in the search, fixed constants as wide ones, and what it moves away from
-        them counts against it. At sizes that are `likely` the constants are looked for all over the domain, by
-        some rows alone: `of_rows` is the model of these, where all values need not be computed for them.
+        them counts against it. At sizes that are `likely` the constants are looked for all over the domain,
+        by some rows: `of_rows` is the model of these, where not all values have to be computed for them.
         """
         problem, theta = self.problem, self.fit.optimum.theta
         fixed = ~problem.parameters.free

@@ -136,7 +136,7 @@ def in_parts(places: Array, n: int) -> list[Array]:
 
 
 def spread(n: int, count: int) -> Index:
-    """Some of n places, spread over all in step with no order that these may have: `count` of them at most."""
+    """Some of n places, `count` at most: spread over all, in step with no order that these may have."""
     return np.unique((np.arange(1, count + 1) * _GOLDEN % 1.0 * n).astype(np.intp))
 
 

@@ -13,7 +13,15 @@ from scipy import special
 from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.alternatives import SPEEDS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, spread, starts, without_nan
+from ifrfit.inference.diagnostics.slips.refit import (
+    Misfit,
+    best_start,
+    in_parts,
+    refitted,
+    spread,
+    starts,
+    without_nan,
+)
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
@@ -63,8 +71,8 @@ class OtherReading:
     def of_rows(self, rows: Index) -> OtherReading:
         """The same for some of the rows."""
         factor = self.factor if isinstance(self.factor, float) else self.factor[rows]
-        own = {"possible": self.possible[rows], "value": self.value[rows], "gamma": self.gamma[rows]}
-        return replace(self, **own, factor=factor)
+        possible, value, gamma = self.possible[rows], self.value[rows], self.gamma[rows]
+        return replace(self, possible=possible, value=value, gamma=gamma, factor=factor)
 
 
 def mixed_readings(
