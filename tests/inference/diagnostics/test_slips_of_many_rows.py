@@ -11,6 +11,7 @@ import pytest
 import ifrfit
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import directions
 from ifrfit.inference.diagnostics.slips.nuisances import Flaw, nuisances, readings
+from ifrfit.inference.diagnostics.slips.refit import spread
 from ifrfit.inference.diagnostics.slips.row_slips import _IMPACTS_OF_STARTS, _spread_impacts
 from ifrfit.physics import OBSERVABLES
 
@@ -25,7 +26,9 @@ def table(n, *, names=("beta", "e_n"), spin=0.0, seed=0, noise=0.02):
     state = ifrfit.rebound(gamma, 0.0, spin_y, degrees=True, **TRUTH)
     mu = np.asarray(TRUTH["mu"])
     columns = {name: OBSERVABLES[name].value(state, mu) + noise * rng.standard_normal(n) for name in names}
-    return pd.DataFrame({"gamma_deg": gamma, "spin_y": spin_y, "speed_m_s": rng.uniform(1.0, 5.0, n), **columns})
+    return pd.DataFrame(
+        {"gamma_deg": gamma, "spin_y": spin_y, "speed_m_s": rng.uniform(1.0, 5.0, n), **columns}
+    )
 
 
 @pytest.mark.parametrize(
@@ -93,4 +96,14 @@ def test_a_table_of_another_sign_is_named_and_a_right_one_is_not():
     assert ifrfit.fit(rows, method="lsq").facts["slips"].ok
     rows["beta"] *= -1.0
     slips = ifrfit.fit(rows, method="lsq").facts["slips"]
+    assert slips.figures["called"] == ["sign beta"]
+
+
+def test_a_series_of_which_no_impact_is_among_some_has_its_noise():
+    rows = table(MANY)
+    rows["series"] = "many"
+    apart = np.setdiff1d(np.arange(MANY), spread(MANY, _IMPACTS_OF_STARTS))[:8]
+    rows.loc[apart, "series"] = "few"
+    rows["beta"] *= -1.0
+    slips = ifrfit.fit(rows, method="lsq", separate=("noise",)).facts["slips"]
     assert slips.figures["called"] == ["sign beta"]

@@ -85,8 +85,8 @@ class Misfit:
         """The same for some of the rows."""
         place = np.full(self.base.size, -1, dtype=np.intp)
         place[rows] = np.arange(rows.size)
-        groups = (place[own] for own in self.groups)
-        return Misfit(self.base[rows], tuple(own[own >= 0] for own in groups))
+        groups = (own[own >= 0] for own in (place[group] for group in self.groups))
+        return Misfit(self.base[rows], tuple(own for own in groups if own.size))
 
     def sigma(self, residual: Array) -> Array:
         """Standard uncertainty of each row at the best noises, (..., n)."""
