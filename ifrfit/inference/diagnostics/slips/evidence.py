@@ -35,7 +35,7 @@ _OF_SPINS = ("spin-scale", "inertia-factor")
 WORTH_A_TRY = 0.05  # p below which other units of spins are tried, and look-alikes of what shows are fitted
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _STEP = 1e-6  # of derivatives by constants and size
-_HELD = 200_000  # rows up to which the slopes by all sizes are held together
+_AT_ONCE = 200_000  # rows up to which the slopes by all sizes are kept at once
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 
 
@@ -50,9 +50,9 @@ def tried(
     plain = problem.error_model.is_plain
     several = plain and 1 < len(problem.series) <= MOST_SERIES
     # single series are asked along the same slopes
-    held = list(_sized(whole)) if several and len(problem.rows) <= _HELD else None
+    slopes = list(_sized(whole)) if several and len(problem.rows) <= _AT_ONCE else None
     far = effects or explains_little(whole)
-    found = _of_size(whole, held or _sized(whole), far=far, effects=effects)
+    found = _of_size(whole, slopes or _sized(whole), far=far, effects=effects)
     if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
@@ -62,7 +62,7 @@ def tried(
         found += missing_values(problem, fit)
         found += _mixed(whole)
     if several:
-        found += _in_series(ComparedFit.by_series(problem, fit), held or _sized(whole), differ=differ)
+        found += _in_series(ComparedFit.by_series(problem, fit), slopes or _sized(whole), differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
         found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
