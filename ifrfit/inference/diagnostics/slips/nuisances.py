@@ -39,8 +39,6 @@ _MOVING = "zero-along"  # which may make sliding of sticking, and no line then
 _PLACES = ("x_before", "z_before", "x_after", "z_after")
 _REBOUND = "delta_deg"  # the angle of rebound as it is read
 _OF_CONTACT = ("beta", "tan_psi_after")  # its velocity after impact over one before
-_OF_VELOCITY_BEFORE = ("offset", "angle", "turn", "along", "gained", "x_before", "z_before")
-_OF_SPIN_BEFORE = ("spin", "constant_spin", "rolled", "spin_zero")
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -178,8 +176,6 @@ def _read(problem: Problem, theta: Array, flaw: Flaw, observables: Sequence[Obse
 def _true_incidence(problem: Problem, flaw: Flaw, before: tuple[Array, Array]) -> Incidence:
     """The impacts as they were, from what is given of them and their true velocities before."""
     given, (along, towards) = problem.rows.incidence, before
-    if not flaw.has(*_OF_VELOCITY_BEFORE, *_OF_SPIN_BEFORE):
-        return given
     gamma, speed = np.degrees(np.arctan2(along, towards)), np.hypot(along, towards)
     scale = 1.0 / speed / (1.0 + flaw.spin)
     spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * along / speed
@@ -188,8 +184,6 @@ def _true_incidence(problem: Problem, flaw: Flaw, before: tuple[Array, Array]) -
 
 def _velocity_before(problem: Problem, flaw: Flaw) -> tuple[Array, Array]:
     """True velocities along the wall and towards it, over the speed that was read."""
-    if not flaw.has(*_OF_VELOCITY_BEFORE):
-        return problem.rows.incidence.sine, problem.rows.incidence.cosine
     gamma = np.radians((problem.rows.gamma_deg + flaw.offset - flaw.turn) / (1.0 + flaw.angle))
     along, towards = np.sin(gamma) / (1.0 + flaw.along), np.cos(gamma)
     if np.any(flaw.gained):
