@@ -101,4 +101,5 @@ def friction_factor(incidence: Incidence, kappa: ArrayLike) -> Array:
     """kappa U_n/|U_t|, the impulse factor of gross sliding; infinite without slip."""
     slip, cosine = incidence.slip, incidence.cosine
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return np.where(slip == 0.0, np.inf, np.asarray(kappa) * cosine / slip)
+        factor = np.asarray(np.asarray(kappa) * cosine / slip)
+    return factor if np.all(slip) else np.where(slip == 0.0, np.inf, factor)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from ifrfit.data.stream.files import NotStreamableError, is_text
 from ifrfit.data.stream.portions import Portion
@@ -80,14 +81,18 @@ def places_of(
         firsts.setdefault(piece.number, []).append(piece.first)
         begins.setdefault(piece.number, []).append(after)
         after += read[place_of(piece.number, piece.first)]
-    found = []
-    for each in numbers:
-        number, row = each >> _ROWS, each & ((1 << _ROWS) - 1)
+    every = np.fromiter(numbers, dtype=np.int64)
+    file, row = every >> _ROWS, every & ((1 << _ROWS) - 1)
+    for number in np.unique(file).tolist():
+        own = file == number
+        first = np.asarray(firsts[number])
         # a line has two bytes or more: bytes and rows do not overlap
-        at = bisect.bisect_right(firsts[number], row) - 1
-        path, name, word = files[number]
-        found.append(Place(path, name, begins[number][at] + row - firsts[number][at], word))
-    return found
+        at = np.searchsorted(first, row[own], side="right") - 1
+        row[own] += np.asarray(begins[number])[at] - first[at]
+    return [
+        Place(path, name, each, word)
+        for (path, name, word), each in zip(map(files.__getitem__, file.tolist()), row.tolist(), strict=True)
+    ]
 
 
 def excluded_rows(entries: Sequence[str], files: Sequence[Path], data: Path) -> tuple[tuple[int, int], ...]:

@@ -11,11 +11,11 @@ from scipy import special
 from ifrfit.data.observations import word_of
 from ifrfit.inference.diagnostics.as_read import as_read
 from ifrfit.inference.diagnostics.residuals import exclude_name
-from ifrfit.inference.diagnostics.rounding_step import numbered, step_of_readings
+from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.thresholds import FACTS, FEWEST_ALIKE, REFUTED
 from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array, Index, numbered
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text

@@ -13,7 +13,7 @@ from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, rat
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Index
+from ifrfit.inference.model.rows import Index, numbered
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
@@ -149,10 +149,10 @@ def _orders(problem: Problem) -> Iterator[_Order]:
             yield _pairs(problem, name, "table", by_series)
         tau = rows.tau[own]
         in_order = own[np.lexsort((tau, rows.series[own]))]
-        distinct = np.unique(np.column_stack((rows.series[own], tau)), axis=0)
+        distinct = numbered(rows.series[own], tau).max() + 1
         falling = own[np.lexsort((-tau, rows.series[own]))]
         is_that = any(np.array_equal(by_series, one) for one in (in_order, falling))
-        if len(distinct) >= _TIED * own.size and (is_sorted or not is_that):
+        if distinct >= _TIED * own.size and (is_sorted or not is_that):
             yield _pairs(problem, name, "angle", in_order)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy import special
 
 from ifrfit.errors import DataError
@@ -19,7 +20,7 @@ from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
-from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof, refit, satterthwaite
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
@@ -94,12 +95,15 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     count = len(names)
     parted: list[_Parted] = []
     smallest: dict[str, float] = {}
+    determined: dict[str, int] = {}  # by the data, with constants of each series
     now = problem
     while names:
         tested = []
         for name in names:
             wider = _parting(now, [name])
-            p = score_test(now, wider, found, len(now.series) - 1)
+            expansion = _expansion(now, wider, found)
+            determined.setdefault(name, expansion.rank)
+            p = score_test(now, wider, found, len(now.series) - 1, expansion)
             if p is None or p < WORTH_A_FIT:
                 fitted = fitted_test(now, wider, found, len(now.series) - 1)
                 if fitted is not None:
@@ -122,7 +126,8 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     rule = FACTS["pooling"]
     if not parted:
         p = min(smallest.values())
-        compared = [name for name in smallest if _is_compared(problem, found, name)]
+        # with one each there is more to determine, unless one series alone tells it
+        compared = [name for name in smallest if determined[name] > found.gaussian.rank]
         rest = [name for name in smallest if name not in compared]
         says = f"one {joined(compared)} for all series (p = {p_text(p)})" if compared else ""
         if rest:
@@ -147,15 +152,14 @@ def _by_file(problem: Problem) -> tuple[Problem, bool]:
     table, rows = problem.observations.table, problem.rows
     if problem.noise.separate or any(c.separate for c in problem.parameters):
         return problem, False
-    names, source = np.unique(table["source"].to_numpy(dtype=str), return_inverse=True)
+    source, names = pd.factorize(table["source"], sort=True)
+    if len(names) < 2:
+        return problem, False
     series, label = rows.series.copy(), list(problem.series)
     for number, name in enumerate(problem.series):
         own = rows.series == number
         files = np.unique(source[own])
-        if (
-            np.unique(np.column_stack((source, rows.which))[own], axis=0).shape[0]
-            == np.unique(rows.which[own]).size
-        ):
+        if np.unique(source[own] * len(rows.names) + rows.which[own]).size == np.unique(rows.which[own]).size:
             continue
         for file in files[1:].tolist():
             series[own & (source == file)] = len(label)
@@ -236,20 +240,25 @@ def _theta_of(problem: Problem, wider: Problem, found: LeastSquaresFit) -> Array
     return theta
 
 
-def _is_compared(problem: Problem, found: LeastSquaresFit, name: str) -> bool:
-    """Whether more than one series tells a constant, so that a fit with one each has more to determine."""
-    wider = _parting(problem, [name])
-    parted = gaussian_approximation(wider, found.sigma, _theta_of(problem, wider, found))
-    return parted.rank > found.gaussian.rank
+def _expansion(problem: Problem, wider: Problem, found: LeastSquaresFit) -> GaussianApproximation:
+    """Of a wider problem at the optimum of a problem."""
+    return gaussian_approximation(wider, found.sigma, _theta_of(problem, wider, found))
 
 
-def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int) -> float | None:
+def score_test(
+    problem: Problem,
+    wider: Problem,
+    found: LeastSquaresFit,
+    k: int,
+    expansion: GaussianApproximation | None = None,
+) -> float | None:
     """p value of a problem wider by k numbers, to first order about a fit; None without degrees of freedom.
 
-    A bound is not looked at: what it forbids counts as gained, and is left to a fit.
+    A bound is not looked at: what it forbids counts as gained, and is left to a fit. The expansion is that of
+    the wider problem, where it is known.
     """
     theta = _theta_of(problem, wider, found)
-    expansion = gaussian_approximation(wider, found.sigma, theta)
+    expansion = expansion or _expansion(problem, wider, found)
     before = problem.parameters.prior_residuals(found.optimum.theta)
     after = wider.parameters.prior_residuals(theta)
     gained = max(expansion.decrease + float(before @ before - after @ after), 0.0)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 
 import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array, Index, numbered
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
@@ -93,16 +92,12 @@ def _slopes(problem: Problem, theta: Array) -> tuple[Array, Array]:
 def _paired(problem: Problem, one: str, other: str) -> Index:
     """Rows of two observables with one angle and spin that is there once in each, by the angle, (m, 2)."""
     i = problem.rows.incidence
-    setting = np.column_stack(
-        [np.nan_to_num(x, nan=-1.0) for x in (problem.rows.gamma_deg, i.spin_x, i.spin_y)]
-    )
-    found = [_once(setting, problem.rows.rows_of(name)) for name in (one, other)]
-    return np.array(
-        [(found[0][key], found[1][key]) for key in sorted(found[0].keys() & found[1].keys())], int
-    )
-
-
-def _once(setting: Array, rows: Index) -> dict[tuple[float, ...], int]:
-    keys = [tuple(x) for x in setting[rows].tolist()]
-    count = Counter(keys)
-    return {key: int(row) for key, row in zip(keys, rows, strict=True) if count[key] == 1}
+    settings = (np.nan_to_num(x, nan=-1.0) for x in (problem.rows.gamma_deg, i.spin_x, i.spin_y))
+    number = numbered(*settings)
+    found, once = [], np.ones(number.max(initial=-1) + 1, dtype=bool)
+    for rows in (problem.rows.rows_of(name) for name in (one, other)):
+        once &= np.bincount(number[rows], minlength=once.size) == 1
+        row = np.empty(once.size, dtype=np.intp)
+        row[number[rows]] = rows
+        found.append(row)
+    return np.column_stack(found)[once]

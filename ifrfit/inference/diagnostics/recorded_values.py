@@ -246,19 +246,21 @@ def _looks(problem: Problem, found: LeastSquaresFit) -> Iterator[_Look]:
         groups = _noises(problem, own)
         sigma = Misfit(found.sigma, groups).sigma(value - fitted)
         z = (value - fitted)[own] / sigma[own]
+        step, whole = step_of_readings(problem, own), math.nan
         for sign, given in ((1.0, False), (-1.0, False), (1.0, True)):
-            end = sign * float((sign * value[own]).max()) + sign * 0.5 * step_of_readings(problem, own)
+            end = sign * float((sign * value[own]).max()) + sign * 0.5 * step
             if given:  # readings of e_n above 1 are those that one discards
-                if name != "e_n" or end > 1.0 + step_of_readings(problem, own):
+                if name != "e_n" or end > 1.0 + step:
                     continue
-                end = 1.0 + 0.5 * step_of_readings(problem, own)
+                end = 1.0 + 0.5 * step
             alpha = sign * (end - fitted[own]) / sigma[own]
             if float(special.log_ndtr(alpha).sum()) >= math.log(_SUSPICIOUS):
                 continue
             near = _mills(alpha)
             if sign * float(near @ z) < -_BESIDE * float(np.linalg.norm(near)):
                 continue
-            whole, _ = _descent(problem, found, groups, sigma)
+            if math.isnan(whole):
+                whole, _ = _descent(problem, found, groups, sigma)
             deviance, missing = _descent(problem, found, groups, sigma, own, sign, end)
             dof = own.size - float(found.gaussian.leverage[own].sum())
             yield _Look(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrfit.inference.model.noise import in_steps, resolution
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array, Index, numbered
 
 _ACCIDENT = 0.05  # chance that readings of the last decimal are all multiples, below which it is none
 _FEW = 256  # values that are looked at before all are
@@ -55,15 +55,6 @@ def step_of_readings(problem: Problem, own: Index) -> float:
     rows, i = problem.rows, problem.rows.incidence
     setting = [each[own] for each in (rows.gamma_deg, i.spin_x, i.spin_y)]
     return rounding_step(rows.value[own], setting, rows.series[own])
-
-
-def numbered(*columns: Array | Index) -> Index:
-    """Rows of several columns as one number, from 0: rows of one number are alike in all."""
-    number = np.zeros(columns[0].size, dtype=np.intp)
-    for column in columns:
-        _, own = np.unique(column, return_inverse=True)
-        _, number = np.unique(number * (own.max(initial=0) + 1) + own, return_inverse=True)
-    return number
 
 
 def _common_multiple(value: Array, decimal: float) -> int:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from scipy import special
 
 from ifrfit.data.observations import word_of
@@ -16,7 +17,7 @@ from ifrfit.inference.diagnostics.quadratic_forms import natural_spline, orthono
 from ifrfit.inference.diagnostics.residuals import Residuals, exclude_name
 from ifrfit.inference.diagnostics.thresholds import BESIDE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE, Array, Index
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index, numbered
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
@@ -119,11 +120,10 @@ def second_readings(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
 
 def _readings(problem: Problem) -> list[Index]:
     """Rows of each series of each file."""
-    source = problem.observations.table["source"].to_numpy(dtype=object)
-    numbers: dict[tuple[object, int], list[int]] = {}
-    for row, key in enumerate(zip(source.tolist(), problem.rows.series.tolist(), strict=True)):
-        numbers.setdefault(key, []).append(row)
-    return [np.array(rows, dtype=np.intp) for rows in numbers.values()]
+    source, _ = pd.factorize(problem.observations.table["source"])
+    number, _ = pd.factorize(source * len(problem.series) + problem.rows.series)  # as they first occur
+    order = np.argsort(number, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
 
 
 def _pairs(problem: Problem, one: Index, other: Index) -> Iterator[Pairs]:
@@ -182,7 +182,7 @@ def _nearest(at: tuple[Array, Array]) -> tuple[Index, Index]:
 
 def _place(at: Array) -> Array:
     """Place of each row among those of its setting, in their order, from 0."""
-    setting = np.unique(at, axis=0, return_inverse=True)[1].reshape(-1)
+    setting = numbered(*at.T)
     order = np.argsort(setting, kind="stable")
     start = np.concatenate(([0], np.cumsum(np.bincount(setting))))
     place = np.empty(len(at))

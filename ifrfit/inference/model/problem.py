@@ -21,8 +21,10 @@ from ifrfit.inference.model.noise import CHOICES, POLICIES, NoiseModel, Policy, 
 from ifrfit.inference.model.parameters import Parameter, ParameterSet
 from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
+from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.physics.observable import Observable
 
 # policies that a dataset may ask for where sigma is given, the most careful first
 _CAREFUL: tuple[Policy, ...] = ("unknown", "scaled")
@@ -137,9 +139,16 @@ class Problem:
         return np.concatenate([of(replace(self, rows=rows)) for _, rows in blocks], axis=axis)
 
     def _predict(self, theta: Array) -> Array:
-        e_n, c, mu = self._columns(theta)
-        k, _ = self.impulse(e_n, c, mu)
-        return self.values_with(k, e_n, mu)
+        columns = self._columns(theta)
+        law = self.closure.law(self.inertia_factor)
+        shape = np.broadcast_shapes(theta.shape[:-1], self.rows.tau.shape[:-1])
+        out, nothing = np.empty((*shape, len(self.rows))), np.zeros(1)
+        for observable, at, incidence in self.rows.places:
+            e_n, c, mu = (x if x.shape[-1] == 1 else x[..., at] for x in columns)
+            # rows that do not know the closure have no impulse to work out
+            k = law.impulse(incidence, c, mu * (1.0 + e_n))[0] if observable.kind in OBLIQUE else nothing
+            out[..., at] = observable.by_form(incidence, k, e_n, mu, self.inertia_factor)
+        return out
 
     def residual(self, theta: Array) -> Array:
         """Measured value less `predict` of each row, (..., n), at theta, (..., p)."""
@@ -171,7 +180,7 @@ class Problem:
         """Value of each row, (..., n), given its impulse factor k, (..., n); e_n and mu broadcast to it."""
         k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
         out = np.empty(k.shape)
-        for observable, at, incidence in self.rows.by_observable:
+        for observable, at, incidence in self.rows.places:
             own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
             out[..., at] = observable.by_form(incidence, k[..., at], own_e_n, own_mu, self.inertia_factor)
         return out
@@ -190,27 +199,42 @@ class Problem:
         return self.by_parts(lambda part: part._jacobian(theta), -2)
 
     def _jacobian(self, theta: Array) -> Array:
-        e_n, c, mu = self._columns(theta)
-        k, _ = self.impulse(e_n, c, mu)
-        shift = _STEP * np.array([1.0, -1.0]).reshape(2, *(1,) * k.ndim)
-        up_k, down_k, up_e, down_e = self.values_with(
-            np.concatenate((k + shift, np.stack((k, k)))),
-            np.concatenate((np.stack((e_n, e_n)), e_n + shift)),
-            mu,
-        )
-        by_k, by_e = (up_k - down_k) / (2.0 * _STEP), (up_e - down_e) / (2.0 * _STEP)
-        law = self.closure.law(self.inertia_factor)
-        by_c, by_kappa = law.slopes(self.rows.incidence, c, mu * (1.0 + e_n))
-        columns = {
-            "e_n": by_e + by_k * mu * by_kappa,
-            "mu": np.where(self.rows.of_kind("friction"), 1.0, by_k * (1.0 + e_n) * by_kappa),
-        }
-        if self.closure.constant:
-            columns[self.closure.constant] = by_k * by_c
-        out = np.zeros((*k.shape, len(self.parameters.names)))
-        for name, places in self.parameters.positions.items():
-            out[..., np.arange(k.shape[-1]), places[self.rows.series]] += columns[name]
+        shape = np.broadcast_shapes(theta.shape[:-1], self.rows.tau.shape[:-1])
+        out = np.zeros((*shape, len(self.rows), len(self.parameters.names)))
+        columns, own = self._columns(theta), self.closure.constant
+        for observable, at, incidence in self.rows.places:
+            constants = tuple(x if x.shape[-1] == 1 else x[..., at] for x in columns)
+            by = self._slopes(observable, incidence, *constants)
+            row = np.arange(at.start, at.stop, at.step) if isinstance(at, slice) else at
+            for name, slope in zip(("e_n", own, "mu"), by, strict=True):
+                if name is None or slope is None:
+                    continue
+                places = self.parameters.positions[name]
+                if self.parameters[name].separate:
+                    out[..., row, places[self.rows.series[row]]] += slope
+                else:
+                    out[..., at, places[0]] += slope
         return out
+
+    def _slopes(
+        self, observable: Observable, incidence: Incidence, e_n: Array, c: Array, mu: Array
+    ) -> tuple[Array | None, Array | None, Array | None]:
+        """Derivatives of an observable by e_n, the closure's constant and mu; None for nothing."""
+
+        def value(k: Array, e_n: Array) -> Array:
+            return observable.by_form(incidence, k, e_n, mu, self.inertia_factor)
+
+        if observable.kind == "friction":
+            return None, None, np.ones(1)
+        law = self.closure.law(self.inertia_factor)
+        is_oblique = observable.kind in OBLIQUE
+        k = law.impulse(incidence, c, mu * (1.0 + e_n))[0] if is_oblique else np.zeros(1)
+        by_e = (value(k, e_n + _STEP) - value(k, e_n - _STEP)) / (2.0 * _STEP)
+        if not is_oblique:
+            return by_e, None, None
+        by_k = (value(k + _STEP, e_n) - value(k - _STEP, e_n)) / (2.0 * _STEP)
+        by_c, by_kappa = law.slopes(incidence, c, mu * (1.0 + e_n))
+        return by_e + by_k * mu * by_kappa, by_k * by_c, by_k * (1.0 + e_n) * by_kappa
 
     def free_jacobian(self, theta: Array) -> Array:
         """Derivative of the predicted values by the free entries of theta, (n, k)."""

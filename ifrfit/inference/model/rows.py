@@ -136,6 +136,11 @@ class Rows:
                 found.append((observable, at, own))
         return tuple(found)
 
+    @cached_property
+    def places(self) -> tuple[tuple[Observable, Index | slice, Incidence], ...]:
+        """`by_observable`, with a slice for rows that are evenly spaced: of these no copy is taken."""
+        return tuple((observable, as_slice(at), own) for observable, at, own in self.by_observable)
+
     def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
         """Offset and slope in the impulse factor of each tangential row, (n,); zero for the others."""
         offset, slope = np.zeros(len(self)), np.zeros(len(self))
@@ -190,11 +195,23 @@ class Rows:
         return number[inverse]
 
     @cached_property
+    def shared_incidence(self) -> tuple[Index, Index] | None:
+        """A row of each impact, and the impact of each row, (n,).
+
+        None where no impact has several rows, or rows of one differ in series, angle or spins.
+        """
+        impact, i = self.impacts, self.incidence
+        first = np.unique(impact, return_index=True)[1]
+        if first.size == impact.size:
+            return None
+        own = (i.sine, i.cosine, i.spin_x, i.spin_y, self.gamma_deg, self.series)
+        return (first, impact) if all(np.array_equal(x, x[..., first[impact]]) for x in own) else None
+
+    @cached_property
     def setting(self) -> Index:
         """Setting of each row, (n,): rows of one number have the same series, angle and spins."""
         i = self.incidence
-        inputs = np.column_stack((self.series, i.sine, i.cosine, i.spin_x, i.spin_y))
-        return np.unique(inputs, axis=0, return_inverse=True)[1].reshape(-1)
+        return numbered(self.series, i.sine, i.cosine, i.spin_x, i.spin_y)
 
     @cached_property
     def repeated(self) -> Index:
@@ -259,6 +276,23 @@ def as_slice(rows: Index) -> Index | slice:
     step = int(rows[1] - rows[0])
     is_even = step > 0 and bool((rows[1:] - rows[:-1] == step).all())
     return slice(int(rows[0]), int(rows[-1]) + 1, step) if is_even else rows
+
+
+def numbered(*columns: Array | Index) -> Index:
+    """Rows of several columns as one number: rows of one number are alike in all.
+
+    Numbers go from 0 up in the order of the first column, where that is the same of the second, and so on.
+    """
+    differing = [column for column in columns if (column != column[:1]).any()]  # nan differs from itself
+    number = np.zeros(columns[0].size, dtype=np.intp)
+    if differing:
+        order = np.lexsort(differing[::-1])
+        begins = np.zeros(order.size - 1, dtype=bool)
+        for column in differing:
+            here = column[order]
+            begins |= (here[1:] != here[:-1]) & ~(np.isnan(here[1:]) & np.isnan(here[:-1]))
+        number[order[1:]] = np.cumsum(begins)
+    return number
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:

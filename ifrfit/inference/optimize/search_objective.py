@@ -153,11 +153,12 @@ class SearchObjective:
         return [as_slice(rows) for rows in self.groups]
 
     @cached_property
-    def _is_known(self) -> Bool:
+    def _known(self) -> Index | slice:
+        """Rows of no group; as a slice, of which no copies are taken, where they are evenly spaced."""
         known = np.ones(self.base.size, dtype=bool)
         for rows in self.groups:
             known[rows] = False
-        return known
+        return as_slice(np.flatnonzero(known))
 
     @cached_property
     def _least(self) -> Array:
@@ -174,7 +175,7 @@ class SearchObjective:
     def of_known(self, theta: Array, z: Array) -> Array:
         """chi2 of rows with a known sigma and of the priors, (m,)."""
         prior = self.prior_residuals(theta)
-        return np.asarray((z[:, self._is_known] ** 2).sum(axis=1) + np.square(prior).sum(axis=1))
+        return np.asarray((z[:, self._known] ** 2).sum(axis=1) + np.square(prior).sum(axis=1))
 
     def _through_mu(self, columns: Array, theta: Array, x: Array) -> Array:
         """Derivatives by all of theta, (m, ..., p), as those by what is free, with the mu that follows."""
@@ -231,8 +232,8 @@ class SearchObjective:
             (slopes[..., rows], z[:, rows], dof[:, number] / squares[:, number])
             for number, rows in enumerate(self._spans)
         ]
-        if self._is_known.any():
-            terms.append((slopes[..., self._is_known], z[:, self._is_known], one))
+        if (of_known := z[:, self._known]).size:
+            terms.append((slopes[..., self._known], of_known, one))
         place, _, sd = self.problem.parameters.priors
         if place.size:
             of_priors = np.zeros((len(theta), place.size, theta.shape[1]))
@@ -242,9 +243,10 @@ class SearchObjective:
         q = len(slopes)
         gradient, hessian, of_logarithms = np.zeros((len(theta), q)), *np.zeros((2, len(theta), q, q))
         for number, (own, off, weight) in enumerate(terms):
-            pull = 2.0 * weight[:, None] * np.einsum("qmn,mn->mq", own, off)
+            by_place = own.transpose(1, 0, 2)
+            pull = 2.0 * weight[:, None] * (by_place @ off[..., None])[..., 0]
             gradient -= pull
-            hessian += 2.0 * weight[:, None, None] * np.einsum("qmn,rmn->mqr", own, own)
+            hessian += 2.0 * weight[:, None, None] * (by_place @ by_place.swapaxes(1, 2))
             if number < len(self.groups):
                 of_logarithms += pull[:, :, None] * pull[:, None, :] / dof[:, number, None, None]
         return gradient, hessian, hessian - of_logarithms

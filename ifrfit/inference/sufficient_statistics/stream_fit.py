@@ -10,6 +10,7 @@ posterior.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -479,20 +480,21 @@ def _at(places: Sequence[Place], drawn: Observations) -> Observations:
     """A sample whose rows have the files and rows that they stand in: they are numbered from 1."""
     (whole,) = drawn.sources
     table = drawn.table
-    number = table["row"].to_numpy(dtype=np.intp)
-    number = number - (2 if whole.word == "line" else 1)
-    file = np.array([place.file for place in places], dtype=object)[number]
-    row = np.array([place.row for place in places])[number]
-    called = np.array([f"{whole.word} {each}" for each in table["row"]], dtype=object)
+    first = 2 if whole.word == "line" else 1
+    number = table["row"].to_numpy(dtype=np.intp) - first
+    file = np.array([place.file for place in places], dtype=object)
+    row = np.array([place.row for place in places])
+    called = np.array([f"{whole.word} {first + k}" for k in range(len(places))], dtype=object)
+    anew = np.array([f"{place.word} {place.row}" for place in places], dtype=object)
     ids = table["impact_id"].to_numpy(dtype=object)
-    anew = np.array([f"{places[k].word} {places[k].row}" for k in number], dtype=object)
-    names, count = np.unique(file.astype(str), return_counts=True)
+    count = Counter(file[number].tolist())
     words = {place.file: place.word for place in places}
     sources = tuple(
         replace(whole, name=name, rows=rows, rows_used=rows, rows_skipped={}, word=words[name])
-        for name, rows in zip(names.tolist(), count.tolist(), strict=True)
+        for name, rows in sorted(count.items())
     )
-    table = table.assign(source=file, row=row, impact_id=np.where(ids == called, anew, ids))
+    own_ids = np.where(ids == called[number], anew[number], ids)
+    table = table.assign(source=file[number], row=row[number], impact_id=own_ids)
     return replace(drawn, table=table, sources=sources)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import RANGE_OF_SPEEDS
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE, Array
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, chi_range
@@ -146,6 +146,8 @@ class Direction:
         know beyond first order.
     likely : tuple of float
         Strengths at which these are no line: the score test may see nothing of them.
+    of_rows : callable, optional
+        From rows to `values` of these alone.
     constant : str
         The closure's own one, where that changes.
     figures : mapping
@@ -159,6 +161,7 @@ class Direction:
     by_kappa: bool = False
     values: Callable[[Array, Array], Array] | None = None
     likely: tuple[float, ...] = ()
+    of_rows: Callable[[Index], Callable[[Array, Array], Array]] | None = None
     constant: str = ""
     figures: dict[str, float] = field(default_factory=dict)
 
@@ -376,20 +379,26 @@ def _restitution_law(
 
 def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Derivative by the coefficient of rolling friction."""
-
-    def values(theta: Array, size: Array) -> Array:
-        of_each = cast("float", size[:, None])  # theta in the place of one for all
-        contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=of_each)
-
-        def of_part(part: Problem) -> Array:
-            nowhere = np.full(len(part.rows), np.nan)
-            return computed(part, contact, impacts_of(part, theta, nowhere, nowhere), ("rolling",))
-
-        return problem.by_parts(of_part)
-
-    free, slowed = values(np.stack((theta, theta)), np.array([0.0, _SMALL_COUPLE]))
+    free, slowed = _with_rolling(problem, np.stack((theta, theta)), np.array([0.0, _SMALL_COUPLE]))
     change = np.nan_to_num((slowed - free) / _SMALL_COUPLE)
-    yield Direction("rolling", change, values=values, likely=_COUPLES)
+
+    def of_rows(rows: Index) -> Callable[[Array, Array], Array]:
+        return partial(_with_rolling, replace(problem, rows=problem.rows.take(rows)))
+
+    values = partial(_with_rolling, problem)
+    yield Direction("rolling", change, values=values, likely=_COUPLES, of_rows=of_rows)
+
+
+def _with_rolling(problem: Problem, theta: Array, size: Array) -> Array:
+    """Value of each row with coefficients of rolling friction, (m, n)."""
+    of_each = cast("float", size[:, None])  # theta in the place of one for all
+    contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=of_each)
+
+    def of_part(part: Problem) -> Array:
+        nowhere = np.full(len(part.rows), np.nan)
+        return computed(part, contact, impacts_of(part, theta, nowhere, nowhere), ("rolling",))
+
+    return problem.by_parts(of_part)
 
 
 def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:

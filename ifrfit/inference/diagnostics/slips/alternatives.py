@@ -84,7 +84,11 @@ class Alternative:
         """The same for some of the rows, (m, rows)."""
         if self.ranked.size:  # a rank is one among all
             return self.values(theta)[..., rows]
-        part = replace(
+        return self.of_rows(rows).values(theta)
+
+    def of_rows(self, rows: Index) -> Alternative:
+        """Some of the rows of a table that is not `ranked`."""
+        return replace(
             self,
             meant=replace(self.meant, rows=self.meant.rows.take(rows)),
             shift=self.shift[rows],
@@ -92,7 +96,6 @@ class Alternative:
             folded=self.folded[rows],
             squared=self.squared[rows],
         )
-        return part.values(theta)
 
 
 def alternatives(

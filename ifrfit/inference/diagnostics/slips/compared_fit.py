@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,6 +20,7 @@ from ifrfit.inference.diagnostics.slips.refit import (
     in_parts,
     refitted,
     search,
+    spread,
     starts,
 )
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -31,6 +33,7 @@ _FIXED = 0.2  # by which a constant that was fixed may be off
 _EXACT = 600.0  # logarithm by which squares fall where nothing is left of them, far from what numbers hold
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 MOST_SERIES = 12  # beyond, none is looked for in single series
+_ROWS_OF_SEARCH = 4000  # of many, by which the constants of a changed table are looked for at first
 _OFFSETS = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
 
 
@@ -169,12 +172,18 @@ class ComparedFit:
         return float(self.misfit.likelihood(self.before))
 
     def with_size(
-        self, model: Sized, size: float, limits: tuple[float, float], likely: tuple[float, ...] = ()
+        self,
+        model: Sized,
+        size: float,
+        limits: tuple[float, float],
+        likely: tuple[float, ...] = (),
+        of_rows: Callable[[Index], Sized] | None = None,
     ) -> tuple[float, Array]:
         """Fall of -2 log likelihood with a size beside the constants, and the constants with the size.
 
         Priors of the user take part in the search, fixed constants as wide ones, and what it moves away from
-        them counts against it. At sizes that are `likely` the constants are looked for all over the domain.
+        them counts against it. At sizes that are `likely` the constants are looked for all over the domain,
+        by some rows: `of_rows` is the model of these, where not all values have to be computed for them.
         """
         problem, theta = self.problem, self.fit.optimum.theta
         fixed = ~problem.parameters.free
@@ -204,21 +213,26 @@ class ComparedFit:
         if likely:
             tried = [np.column_stack((self._places, np.full(len(self._places), one))) for one in likely]
 
-            def of_rows(x: Array, rows: Index) -> Array:
+            def of_some(x: Array, rows: Index) -> Array:
+                if of_rows is not None:
+                    return of_rows(rows)(x[:, :-1], x[:, -1])
                 parts = in_parts(x, problem.rows.value.size)
                 return np.concatenate([model(part[:, :-1], part[:, -1])[:, rows] for part in parts])
 
-            place = best_start(of_rows, self.misfit, problem.rows.value, np.concatenate(tried))
+            place = best_start(of_some, self.misfit, problem.rows.value, np.concatenate(tried))
             best = max(best, searched(place), key=lambda each: each[0])
         return best
 
     def of_alternative(self, each: Alternative) -> tuple[Array, Array]:
         """Its constants, and its residuals in the unit of the given values."""
-        problem = self.problem
-        start = best_start(each.values_of_rows, self.misfit, problem.rows.value, self._places)
+        misfit, value, bounds = self.misfit, self.problem.rows.value, self.problem.parameters.bounds()
+        start = best_start(each.values_of_rows, misfit, value, self._places)
         target = self.likelihood - DECISIVE + _ROOM
-        bounds = problem.parameters.bounds()
-        return search(each.values, self.misfit, problem.rows.value, start, bounds, target)
+        near = value.size >= 2 * _ROWS_OF_SEARCH and not each.ranked.size
+        if near:  # some of many rows tell nearly where it is
+            some = spread(value.size, _ROWS_OF_SEARCH)
+            start, _ = search(each.of_rows(some).values, misfit.of_rows(some), value[some], start, bounds)
+        return search(each.values, misfit, value, start, bounds, target, near=near)
 
     def sd_of(self, size: float, drop: float, after: Array) -> float:
         """Standard deviation of a fitted size that takes so much off -2 log likelihood, and leaves residuals.
@@ -257,7 +271,8 @@ def fitted_effect(problem: Problem, fit: LeastSquaresFit, score: Score, count: i
         return problem.predict(theta) + size[:, None] * change
 
     values = direction.values or along
-    drop, x = whole.with_size(values, score.strength, (least, math.inf), direction.likely)
+    limits = (least, math.inf)
+    drop, x = whole.with_size(values, score.strength, limits, direction.likely, direction.of_rows)
     if drop <= 0.0 or (score.p < REFUTED and direction.values is None):
         return replace(score, drop=drop)
     size = float(x[-1])

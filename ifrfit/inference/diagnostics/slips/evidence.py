@@ -35,6 +35,7 @@ _OF_SPINS = ("spin-scale", "inertia-factor")
 WORTH_A_TRY = 0.05  # p below which other units of spins are tried, and look-alikes of what shows are fitted
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _STEP = 1e-6  # of derivatives by constants and size
+_AT_ONCE = 200_000  # rows up to which the slopes by all sizes are kept at once
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 
 
@@ -47,7 +48,11 @@ def tried(
     """
     whole = ComparedFit.of(problem, fit)
     plain = problem.error_model.is_plain
-    found = _of_size(whole, far=effects or explains_little(whole), effects=effects)
+    several = plain and 1 < len(problem.series) <= MOST_SERIES
+    # single series are asked along the same slopes
+    slopes = list(_sized(whole)) if several and len(problem.rows) <= _AT_ONCE else None
+    far = effects or explains_little(whole)
+    found = _of_size(whole, slopes or _sized(whole), far=far, effects=effects)
     if plain and not _usual(whole):
         measured = any(each.numerator == "spin" for each in problem.rows.observables)
         suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
@@ -56,8 +61,8 @@ def tried(
         found += _unsized(whole, alternatives(problem, other_units=of_spins, shifted=shifted))
         found += missing_values(problem, fit)
         found += _mixed(whole)
-    if plain and 1 < len(problem.series) <= MOST_SERIES:
-        found += _in_series(ComparedFit.by_series(problem, fit), differ=differ)
+    if several:
+        found += _in_series(ComparedFit.by_series(problem, fit), slopes or _sized(whole), differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
         found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
@@ -79,7 +84,9 @@ def _sized(whole: ComparedFit) -> Iterator[tuple[Nuisance, Array]]:
     return ((each, each.slope(fit.optimum.theta)) for each in every)
 
 
-def _of_size(whole: ComparedFit, *, far: bool, effects: bool) -> list[Slip]:
+def _of_size(
+    whole: ComparedFit, sized: Iterable[tuple[Nuisance, Array]], *, far: bool, effects: bool
+) -> list[Slip]:
     """Score tests along the derivative by each size; those that matter are fitted, `far` sizes as well.
 
     Where one shows, or `effects` do, those that may be its look-alikes are fitted, too: a fall to first order
@@ -87,7 +94,7 @@ def _of_size(whole: ComparedFit, *, far: bool, effects: bool) -> list[Slip]:
     """
     sigma = whole.fit.sigma
     # what moves no value even at its largest (the scale of speeds in angles) is but rounding
-    every = ((each, slope / sigma) for each, slope in _sized(whole))
+    every = ((each, slope / sigma) for each, slope in sized)
     every = ((each, along) for each, along in every if each.most * np.abs(along).max() > _INVISIBLE)
     best: dict[str, tuple[Nuisance, Score, float]] = {}
     for nuisance, score, p in _tested(whole, every, sigma):
@@ -139,7 +146,7 @@ def _slip(
     beyond = nuisance.far if far else ()
     if p >= limit and not beyond:
         return slip
-    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond)
+    drop, x = whole.with_size(nuisance.values, slip.size, nuisance.limits, beyond, nuisance.of_rows)
     theta, size = x[:-1], float(x[-1])
     if p >= REFUTED and beyond:
         after = whole.problem.rows.value - nuisance.values(theta[None, :], x[-1:])[0]
@@ -236,7 +243,7 @@ def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
     return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
 
 
-def _in_series(whole: ComparedFit, *, differ: bool) -> list[Slip]:
+def _in_series(whole: ComparedFit, sized: Iterable[tuple[Nuisance, Array]], *, differ: bool) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
     Those without are tried where the series do not share constants, one of them scatters more than the
@@ -251,7 +258,7 @@ def _in_series(whole: ComparedFit, *, differ: bool) -> list[Slip]:
     sigma = whole.fit.sigma if known else _sigma_by_series(whole)
     of_one = (
         (of_series(problem, each, number), np.where(problem.rows.series == number, slope / sigma, 0.0))
-        for each, slope in _sized(whole)
+        for each, slope in sized
         if not each.constant
         for number in series
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from ifrfit.inference.diagnostics.independence import is_sorted_by_values
 from ifrfit.inference.diagnostics.thresholds import RANGE_OF_SPEEDS
 from ifrfit.inference.model.noise import normalised
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import OBLIQUE, Array
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
+from ifrfit.physics.observable import Observable
 from ifrfit.physics.rebound import Reading, Rebound, rebound_with
 
 Size = float | Array
@@ -94,11 +96,23 @@ class Flaw:
     x_after: Size = 0.0
     z_after: Size = 0.0
 
-    def of_rows(self, place: slice) -> Flaw:
-        """What is off in some of the rows, where it differs from row to row."""
+    def has(self, *names: str) -> bool:
+        """Whether anything is off in one of these."""
+        return any(bool(np.any(getattr(self, name))) for name in names)
+
+    @property
+    def _by_row(self) -> dict[str, Array]:
+        """What differs from row to row."""
         sizes = {name: np.asarray(size) for name, size in vars(self).items()}
-        parts = {name: x[..., place] for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
-        return replace(self, **parts)
+        return {name: x for name, x in sizes.items() if x.ndim > 0 and x.shape[-1] > 1}
+
+    def of_rows(self, place: slice | Index) -> Flaw:
+        """What is off in some of the rows, where it differs from row to row."""
+        return replace(self, **{name: x[..., place] for name, x in self._by_row.items()})
+
+    def is_same(self, first: Index, impact: Index) -> bool:
+        """Whether all rows of an impact have what the first of them has."""
+        return all(np.array_equal(x, x[..., first[impact]]) for x in self._by_row.values())
 
 
 def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
@@ -115,23 +129,36 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     -------
     ndarray, (..., n)
     """
-    out = np.empty((*theta.shape[:-1], len(problem.rows)))
-    for place, rows in problem.rows.blocks:
-        out[..., place] = _read(replace(problem, rows=rows), theta, flaw.of_rows(place))
+    rows = problem.rows
+    shared = rows.shared_incidence
+    if shared is not None and flaw.is_same(*shared):  # several values of one impact
+        first, impact = shared
+        problem, flaw = replace(problem, rows=rows.take(first)), flaw.of_rows(first)
+    else:
+        impact = np.arange(len(rows))
+    read = [
+        _read(replace(problem, rows=block), theta, flaw.of_rows(place), rows.measured)
+        for place, block in problem.rows.blocks
+    ]
+    out = np.empty((*theta.shape[:-1], len(rows)))
+    for (_, at, _), values in zip(rows.by_observable, zip(*read, strict=True), strict=True):
+        out[..., at] = np.concatenate(values, axis=-1)[..., impact[at]]
     return out
 
 
-def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
-    given, true = problem.rows.incidence, _true_incidence(problem, flaw)
+def _read(problem: Problem, theta: Array, flaw: Flaw, observables: Sequence[Observable]) -> list[Array]:
+    """Each of these observables of every row's impact, (..., n) each."""
+    given, before = problem.rows.incidence, _velocity_before(problem, flaw)
+    true = _true_incidence(problem, flaw, before)
     e_n, c, mu = problem.per_row(theta)
     law = problem.closure.law(problem.inertia_factor)
     k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
     state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
     if _is_of_incidence(flaw):  # the values are those of the true impact
-        return _values(problem, state, mu)
+        return _values(observables, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
-    length = 1.0 / np.hypot(*_velocity_before(problem, flaw))
+    length = 1.0 / np.hypot(*before)
     speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
     v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
     v_n = speed * (state.v_n * cosine + state.v_x * sine)
@@ -143,12 +170,12 @@ def _read(problem: Problem, theta: Array, flaw: Flaw) -> Array:
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
         impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
     parts = (v_x, v_y, v_n, spin_x, spin_y, sticks.astype(bool), impulse)
-    return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
+    return _values(observables, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
 
 
-def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
-    """The impacts as they were, from what is given of them."""
-    given, (along, towards) = problem.rows.incidence, _velocity_before(problem, flaw)
+def _true_incidence(problem: Problem, flaw: Flaw, before: tuple[Array, Array]) -> Incidence:
+    """The impacts as they were, from what is given of them and their true velocities before."""
+    given, (along, towards) = problem.rows.incidence, before
     gamma, speed = np.degrees(np.arctan2(along, towards)), np.hypot(along, towards)
     scale = 1.0 / speed / (1.0 + flaw.spin)
     spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * along / speed
@@ -167,14 +194,11 @@ def _velocity_before(problem: Problem, flaw: Flaw) -> tuple[Array, Array]:
 def _is_of_incidence(flaw: Flaw) -> bool:
     """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
     own = ("offset", "angle", "spin_zero")
-    return not any(np.any(size) for name, size in vars(flaw).items() if name not in own)
+    return not flaw.has(*(name for name in vars(flaw) if name not in own))
 
 
-def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
-    out = np.empty(mu.shape)
-    for observable, at, _ in problem.rows.by_observable:
-        out[..., at] = np.broadcast_to(observable.value(state, mu), out.shape)[..., at]
-    return out
+def _values(observables: Sequence[Observable], state: Rebound, mu: Array) -> list[Array]:
+    return [np.broadcast_to(each.value(state, mu), mu.shape) for each in observables]
 
 
 def of_inertia(problem: Problem, theta: Array, share: Array) -> Array:
@@ -225,6 +249,8 @@ class Nuisance:
         Of one hypothesis, in the correction for their number: less where several are ways of one slip.
     far : tuple of float
         Sizes that are looked at where no line shows it, and something else is amiss.
+    of_rows : callable, optional
+        From rows to `values` of these alone.
     """
 
     name: str
@@ -236,6 +262,7 @@ class Nuisance:
     series: str = ""
     share: float = 1.0
     far: tuple[float, ...] = ()
+    of_rows: Callable[[Index], Sized] | None = None
 
     @property
     def most(self) -> float:
@@ -330,13 +357,18 @@ def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
 
     usually = float(np.median(speed))
 
+    def of_rows(name: str, rows: Index) -> Sized:
+        part, own = replace(problem, rows=problem.rows.take(rows)), speed[rows]
+        return lambda theta, size: readings(part, theta, zero_of_velocities(name, size[:, None] / own))
+
     def read(name: str) -> Nuisance:
         def values(theta: Array, size: Array) -> Array:
             return readings(problem, theta, zero_of_velocities(name, size[:, None] / speed))
 
         low, high, usual = (x * usually for x in _ZEROS[name][1:])
         far = (-usual, usual, 3.0 * usual) if name == _MOVING else ()
-        return Nuisance(name, values, (low, high), usual, share=1.0 / len(_ZEROS), far=far)
+        share, some = 1.0 / len(_ZEROS), partial(of_rows, name)
+        return Nuisance(name, values, (low, high), usual, share=share, far=far, of_rows=some)
 
     for name in _ZEROS:
         yield read(name)
@@ -387,13 +419,25 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         return
     along = _place_in_table(problem)
 
+    last: dict[bytes, tuple[Array, Array]] = {}
+
+    def linearised(theta: Array) -> tuple[Array, Array]:
+        """Values, (n,), and their derivatives, (n, p): the drifts are all asked for at the same place."""
+        if theta.tobytes() not in last:
+            last.clear()
+            last[theta.tobytes()] = problem.predict(theta), problem.jacobian(theta)
+        return last[theta.tobytes()]
+
     def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:
         place = problem.parameters.positions[constant][problem.rows.series]
         row = np.arange(shape.size)
 
         def values(theta: Array, size: Array) -> Array:
-            slope = np.stack([problem.jacobian(each)[row, place] for each in theta])
-            return problem.predict(theta) + size[:, None] * shape * slope
+            out = np.empty((len(theta), shape.size))
+            for number, each in enumerate(theta):
+                value, slopes = linearised(each)
+                out[number] = value + size[number] * shape * slopes[row, place]
+            return out
 
         return Nuisance(name, values, (-0.5, 0.5), usual, constant=constant)
 
@@ -444,4 +488,4 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
     def values(theta: Array, size: Array) -> Array:
         return np.where(own, nuisance.values(theta, size), problem.predict(theta))
 
-    return replace(nuisance, values=values, series=problem.series[number])
+    return replace(nuisance, values=values, series=problem.series[number], of_rows=None)

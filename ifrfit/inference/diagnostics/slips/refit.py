@@ -85,8 +85,8 @@ class Misfit:
         """The same for some of the rows."""
         place = np.full(self.base.size, -1, dtype=np.intp)
         place[rows] = np.arange(rows.size)
-        groups = (place[own] for own in self.groups)
-        return Misfit(self.base[rows], tuple(own[own >= 0] for own in groups))
+        groups = (own[own >= 0] for own in (place[group] for group in self.groups))
+        return Misfit(self.base[rows], tuple(own for own in groups if own.size))
 
     def sigma(self, residual: Array) -> Array:
         """Standard uncertainty of each row at the best noises, (..., n)."""
@@ -95,6 +95,13 @@ class Misfit:
             square = ((residual[..., rows] / self.base[rows]) ** 2).mean(axis=-1, keepdims=True)
             sigma[..., rows] *= np.sqrt(np.maximum(square, 1e-300))
         return sigma
+
+
+def without_nan(values: Array, far: float = 0.0) -> Array:
+    """Values with a number in the place of nan, and of finite size; those that are so are given back."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_finite = math.isfinite(values.sum())
+    return values if is_finite else np.nan_to_num(values, nan=far)
 
 
 def starts(problem: Problem, theta: Array) -> Array:
@@ -128,11 +135,14 @@ def in_parts(places: Array, n: int) -> list[Array]:
     return np.array_split(places, min(len(places), 1 + len(places) * n // _AT_ONCE))
 
 
+def spread(n: int, count: int) -> Index:
+    """Some of n places, `count` at most: spread over all, in step with no order that these may have."""
+    return np.unique((np.arange(1, count + 1) * _GOLDEN % 1.0 * n).astype(np.intp))
+
+
 def best_start(values: Callable[[Array, Index], Array], misfit: Misfit, value: Array, tried: Array) -> Array:
     """Of several thetas, (m, p), the one whose values lie nearest: they are asked of some rows, (m, rows)."""
-    rows = np.arange(value.size)
-    if rows.size > _ROWS_OF_STARTS:  # spread over the table, in step with no order that it may have
-        rows = np.unique((np.arange(1, _ROWS_OF_STARTS + 1) * _GOLDEN % 1.0 * value.size).astype(np.intp))
+    rows = np.arange(value.size) if value.size <= _ROWS_OF_STARTS else spread(value.size, _ROWS_OF_STARTS)
     far = misfit.of_rows(rows).likelihood(value[rows] - np.nan_to_num(values(tried, rows), nan=1e3))
     return np.asarray(tried[np.argmin(far)])
 
@@ -144,6 +154,8 @@ def search(
     start: Array,
     bounds: tuple[Array, Array],
     target: float = math.inf,
+    *,
+    near: bool = False,
 ) -> tuple[Array, Array]:
     """Gauss-Newton within bounds; noises follow from the residuals.
 
@@ -158,6 +170,8 @@ def search(
     bounds : (ndarray, ndarray), (q,) each
     target : float
         Minus twice the log likelihood: a table is given up whose steps are too short to reach it.
+    near : bool
+        Whether the start lies so near to the best constants that the first step tells that already.
 
     Returns
     -------
@@ -171,7 +185,7 @@ def search(
     for left_over in range(_STEPS, 0, -1):
         change = _step(misfit, x, slopes, residual, bounds)
         promised = now - float(misfit.likelihood(residual - change @ slopes))
-        if not promised > _AT_REST:
+        if not promised > _AT_REST or (near and now - left_over * promised >= target):
             break
         # the whole step is taken with the slopes at its end, and only where it fails, parts of it are tried
         whole = np.clip(x + change, lower, upper)
@@ -180,7 +194,7 @@ def search(
         if not now - best[0] >= _TRUSTED * promised:
             tried = np.clip(x + 0.5 ** np.arange(1, _HALVINGS)[:, None] * change, lower, upper)
             for part in in_parts(tried, value.size):
-                left = value - np.nan_to_num(values(part))
+                left = value - without_nan(values(part))
                 nearest = int(np.argmin(far := misfit.likelihood(left)))
                 if far[nearest] < best[0]:
                     best = float(far[nearest]), part[nearest], left[nearest]
@@ -208,7 +222,7 @@ def _linearised(values: Values, value: Array, x: Array, bounds: tuple[Array, Arr
     for part in in_parts(np.concatenate((x[None], x + np.diag(step))), value.size):
         found[done : done + len(part)] = values(part)
         done += len(part)
-    at_x, slopes = np.split(np.nan_to_num(found, copy=False), [1])
+    at_x, slopes = np.split(without_nan(found), [1])
     slopes -= at_x
     slopes /= step[:, None]
     return slopes, value - at_x[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -12,7 +13,15 @@ from scipy import special
 from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.alternatives import SPEEDS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, in_parts, refitted, starts
+from ifrfit.inference.diagnostics.slips.refit import (
+    Misfit,
+    best_start,
+    in_parts,
+    refitted,
+    spread,
+    starts,
+    without_nan,
+)
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
@@ -22,6 +31,7 @@ from ifrfit.physics.angles import Incidence
 _FEWEST_OF_KIND = 3  # rows of either reading
 _MOST_SHARE = 0.6  # of the rows that may be meant in the other way
 _STARTS = 6  # places in the domain from which constants and choice are searched
+_IMPACTS_OF_STARTS = 2000  # by which the division to begin with is found
 _ROUNDS = 8
 _GAIN = 4.0  # in chi2, by which the other reading of an impact has to be the better one
 # by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
@@ -57,6 +67,12 @@ class OtherReading:
     def change_of_unit(self, at: Bool) -> float:
         """What it adds to -2 log likelihood where some rows are read so."""
         return 2.0 * float(np.log(np.broadcast_to(self.factor, at.shape)[at]).sum())
+
+    def of_rows(self, rows: Index) -> OtherReading:
+        """The same for some of the rows."""
+        factor = self.factor if isinstance(self.factor, float) else self.factor[rows]
+        possible, value, gamma = self.possible[rows], self.value[rows], self.gamma[rows]
+        return replace(self, possible=possible, value=value, gamma=gamma, factor=factor)
 
 
 def mixed_readings(
@@ -154,27 +170,24 @@ def _classified(
     problem: Problem, misfit: Misfit, theta: Array, reading: OtherReading
 ) -> tuple[Index, Array, float] | None:
     """The best division of the rows, from several starts; None where few or most are meant so."""
-    other = _read(problem, reading, reading.possible)
-    every = starts(problem, theta)
-
-    def nearer(places: Array) -> Array:
-        left = [np.nan_to_num(each.residual(places), nan=1e3) for each in (problem, other)]
-        return np.where(np.abs(left[1]) < np.abs(left[0]), left[1], left[0])
-
-    parts = in_parts(every, len(problem.rows))
-    order = np.argsort(np.concatenate([misfit.likelihood(nearer(part)) for part in parts]))
-    best: tuple[float, Bool, Array] | None = None
-    for start in every[order[:_STARTS]]:
-        sigma = misfit.sigma(nearer(start[None])[0])
-        at, residual = _divided(problem, other, misfit, reading, start, sigma)
-        far = float(misfit.likelihood(residual)) + reading.change_of_unit(at)
-        if _FEWEST_OF_KIND <= at.sum() <= reading.most * len(problem.rows) and (
-            best is None or far < best[0]
-        ):
-            best = far, at, residual
-    if best is None:
+    whole = _Choice(problem, misfit, reading)
+    if (some := _spread_impacts(problem)) is None:
+        tried = [whole.divided(start) for start in whole.starts(theta)]
+    else:  # of many impacts some tell from where to begin
+        part = replace(problem, rows=problem.rows.take(some))
+        few = _Choice(part, misfit.of_rows(some), reading.of_rows(some))
+        every = few.starts(theta)
+        divisions = [few.divided(start) for start in every]
+        nearest = min(range(len(every)), key=lambda number: divisions[number].far)
+        tried = [whole.divided(divisions[nearest].theta)]
+        if not np.array_equal(every[nearest], theta):
+            tried.insert(0, whole.divided(theta))
+    most = reading.most * len(problem.rows)
+    kept = [one for one in tried if _FEWEST_OF_KIND <= one.at.sum() <= most]
+    if not kept:
         return None
-    _, at, residual = best
+    best = min(kept, key=lambda one: one.far)
+    at, residual = best.at, best.residual
     if reading.name == "mixed-squared" and _of_two_levels(residual, reading.possible, at):
         return None
     choices = np.unique(problem.rows.impacts[reading.possible]).size
@@ -193,25 +206,74 @@ def _of_two_levels(residual: Array, own: Bool, at: Bool) -> bool:
     return 2.0 * float(special.stdtr(dof, -t)) < _COMFORTABLE
 
 
-def _divided(
-    problem: Problem, other: Problem, misfit: Misfit, reading: OtherReading, theta: Array, sigma: Array
-) -> tuple[Bool, Array]:
-    """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
+def _spread_impacts(problem: Problem) -> Index | None:
+    """Rows of some impacts, in step with no order that the table may have; None where there are few."""
     impacts = problem.rows.impacts
-    at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
+    count = int(impacts.max()) + 1
+    if count < 2 * _IMPACTS_OF_STARTS:
+        return None
+    chosen = np.zeros(count, dtype=bool)
+    chosen[spread(count, _IMPACTS_OF_STARTS)] = True
+    return np.flatnonzero(chosen[impacts])
 
-    def gain() -> Array:
-        plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (problem, other))
-        return np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
 
-    for _ in range(_ROUNDS):
-        chosen = reading.possible & (np.bincount(impacts, gain()) > reading.gain)[impacts]
-        if np.array_equal(chosen, at):
-            break
-        at = chosen
-        theta, residual = refitted(_read(problem, reading, at), misfit, theta)
-        sigma = misfit.sigma(residual)
-    return at, residual
+@dataclass(frozen=True)
+class _Division:
+    """Rows that are nearer in the other way, the constants, residuals, and -2 log likelihood with these."""
+
+    at: Bool
+    theta: Array
+    residual: Array
+    far: float
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """The choice between two readings of the rows of a problem."""
+
+    problem: Problem
+    misfit: Misfit
+    reading: OtherReading
+
+    @cached_property
+    def other(self) -> Problem:
+        """With every row that could be meant so read in the other way."""
+        return _read(self.problem, self.reading, self.reading.possible)
+
+    def residuals(self, theta: Array) -> tuple[Array, Array]:
+        """Residuals of both readings, (..., n); far off where there is no value."""
+        plain, read = (without_nan(each.residual(theta), 1e3) for each in (self.problem, self.other))
+        return plain, read
+
+    def nearer(self, theta: Array) -> Array:
+        """Of both residuals the smaller one, (..., n)."""
+        plain, read = self.residuals(theta)
+        return np.where(np.abs(read) < np.abs(plain), read, plain)
+
+    def starts(self, theta: Array) -> Array:
+        """Places, all over the domain, that lie nearest, (m, p)."""
+        every = starts(self.problem, theta)
+        parts = in_parts(every, len(self.problem.rows))
+        far = np.concatenate([self.misfit.likelihood(self.nearer(part)) for part in parts])
+        return np.asarray(every[np.argsort(far)[:_STARTS]])
+
+    def divided(self, theta: Array) -> _Division:
+        """Rows and constants, each chosen at the others in turns, from a start."""
+        problem, misfit, reading = self.problem, self.misfit, self.reading
+        impacts = problem.rows.impacts
+        sigma = misfit.sigma(self.nearer(theta[None])[0])
+        at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
+        for _ in range(_ROUNDS):
+            plain, read = self.residuals(theta)
+            gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
+            chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
+            if np.array_equal(chosen, at):
+                break
+            at = chosen
+            theta, residual = refitted(_read(problem, reading, at), misfit, theta)
+            sigma = misfit.sigma(residual)
+        far = float(misfit.likelihood(residual)) + reading.change_of_unit(at)
+        return _Division(at, theta, residual, far)
 
 
 def missing_values(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
