@@ -62,7 +62,8 @@ def predictive_p_values(hierarchy: NormalHierarchy, places: NDArray[np.intp]) ->
     sharpest = int(
         np.argmin(hierarchy.s)
     )  # it alone can outweigh the others, whose sums are then lost in its own
-    found[places == sharpest] = _by_a_fit_of_the_others(hierarchy, sharpest)
+    if sharpest in places:
+        found[places == sharpest] = _by_a_fit_of_the_others(hierarchy, sharpest)
     return found
 
 
