@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from ifrfit.campaign.group_fit import Row
+from ifrfit.campaign.group_fit import FAILURE, Row
 from ifrfit.errors import UsageError
 
-_FORM = "ifrfit/campaign-journal/1"
+_FORM = "ifrfit/campaign-journal/2"
+_START = b'{"form": "ifrfit/campaign-journal/'  # of every head
 
 
 @dataclass
 class Journal:
-    """A file of JSON lines beside the folder of results; the first says what was asked.
+    """A file of JSON lines beside the folder of results: what was asked, and rows that say what they answer.
+
+    Two campaigns may write into one file. Each goes on with the lines of its own question alone, and the file
+    is of the one whose question stands at its head.
 
     Attributes
     ----------
     path : Path
+    question : str
+        What is asked of the groups.
     known : dict
         Rows found earlier, by key and digest of the group.
+    unread : str
+        A sentence about lines that could not be read; empty where there are none.
     """
 
     path: Path
+    question: str
     known: dict[tuple[tuple[str, ...], str], Row] = field(default_factory=dict)
+    unread: str = ""
 
     @classmethod
     def open(cls, out: Path, question: str, *, resume: bool, force: bool) -> Journal:
@@ -44,23 +56,22 @@ class Journal:
         Raises
         ------
         UsageError
-            There is an unfinished campaign and neither was said, or it asked something else, or nothing can
-            be written.
+            There is an unfinished campaign and neither was said, or it asked something else or cannot be
+            read, or nothing can be written.
         """
         place = out.resolve()
-        journal = cls(place.with_name(f"{place.name}.unfinished.jsonl"))
+        journal = cls(place.with_name(f"{place.name}.unfinished.jsonl"), question)
         try:
-            if journal.path.exists() and (resume or not force):
+            if journal._is_begun() and (resume or not force):
                 if not resume:
                     raise UsageError(
                         f"{journal.path}: an unfinished campaign. --resume goes on with it, --force begins "
                         "anew."
                     )
-                journal._read(question)
+                journal._read()
             else:
                 journal.path.parent.mkdir(parents=True, exist_ok=True)
-                head = json.dumps({"form": _FORM, "question": question})
-                journal.path.write_text(f"{head}\n", encoding="utf-8")
+                journal.path.write_bytes(journal._head)
         except OSError as error:
             raise UsageError(
                 f"{journal.path}: cannot be written ({error.strerror or error}). "
@@ -68,22 +79,55 @@ class Journal:
             ) from None
         return journal
 
-    def _read(self, question: str) -> None:
-        whole = bytearray()
+    @property
+    def _head(self) -> bytes:
+        return f"{json.dumps({'form': _FORM, 'question': self.question})}\n".encode()
+
+    @property
+    def _mark(self) -> str:
+        """What tells lines of this question from those of others."""
+        return hashlib.sha256(self.question.encode()).hexdigest()[:16]
+
+    def _is_begun(self) -> bool:
+        """Whether there is more than a head that was cut off, as of a campaign killed in its first moment."""
+        try:
+            with self.path.open("rb") as lines:
+                first = lines.readline()
+        except FileNotFoundError:
+            return False
+        return first.endswith(b"\n") or not (first.startswith(_START) or _START.startswith(first))
+
+    def _read(self) -> None:
+        kept = [self._head]
+        unreadable = 0
+        head: dict[str, Any] | None = None
         with self.path.open("rb") as lines:
             for number, line in enumerate(lines):
-                if not line.endswith(b"\n"):
-                    break  # the end of a campaign that was killed
-                entry = json.loads(line)
-                if number == 0 and (entry.get("form"), entry.get("question")) != (_FORM, question):
-                    raise UsageError(
-                        f"{self.path}: this unfinished campaign asked something else of the groups. Give the "
-                        "options of then, or begin anew with --force."
-                    )
-                if number:
+                entry = _entry(line)
+                if entry is not None and "form" in entry:
+                    head = entry if number == 0 else head
+                elif entry is None:
+                    unreadable += line.endswith(b"\n")  # else the end of a campaign that was killed
+                elif entry["of"] == self._mark:
                     self.known[tuple(entry["key"]), entry["digest"]] = entry["row"]
-                whole += line
-        self.path.write_bytes(whole)
+                    kept.append(line)
+        if head is not None and (head["form"], head.get("question")) != (_FORM, self.question):
+            raise UsageError(
+                f"{self.path}: this unfinished campaign asked something else of the groups, or is of another "
+                "version. Give the options of then, or begin anew with --force."
+            )
+        if head is None and not self.known:
+            raise UsageError(
+                f"{self.path}: nothing in it can be read as an unfinished campaign. Begin anew with --force, "
+                "which replaces it."
+            )
+        if unreadable:
+            lines_of = "a line" if unreadable == 1 else f"{unreadable} lines"
+            self.unread = (
+                f"{self.path.name}: {lines_of} could not be read; a group whose row stood there was fitted "
+                "anew."
+            )
+        self.path.write_bytes(b"".join(kept))
 
     def add(self, keys: Sequence[tuple[str, ...]], digests: Sequence[str], rows: Sequence[Row]) -> None:
         """Keep the rows of some groups, on the disk when this returns.
@@ -94,13 +138,16 @@ class Journal:
             The disk is full, or gone.
         """
         entries = (
-            json.dumps({"key": key, "digest": digest, "row": row})
+            json.dumps({"of": self._mark, "key": key, "digest": digest, "row": row})
             for key, digest, row in zip(keys, digests, rows, strict=True)
         )
         try:
-            with self.path.open("a", encoding="utf-8") as lines:
-                lines.write("".join(f"{entry}\n" for entry in entries))
-                lines.flush()
+            with self.path.open(
+                "ab", buffering=0
+            ) as lines:  # in one piece, as another campaign may write, too
+                whole = memoryview("".join(f"{entry}\n" for entry in entries).encode())
+                while whole:
+                    whole = whole[lines.write(whole) :]
                 os.fsync(lines.fileno())
         except OSError as error:
             raise UsageError(
@@ -109,5 +156,34 @@ class Journal:
             ) from None
 
     def close(self) -> None:
-        """Remove it: the results are delivered."""
-        self.path.unlink(missing_ok=True)
+        """Remove it, as the results are delivered, unless it is another campaign's by now."""
+        try:
+            with self.path.open("rb") as lines:
+                first = lines.readline()
+        except FileNotFoundError:
+            return
+        entry = _entry(first)
+        if first == self._head or (entry is not None and entry.get("of") == self._mark):
+            self.path.unlink(missing_ok=True)
+
+
+def _entry(line: bytes) -> dict[str, Any] | None:
+    """What a line says, a head or a row; None where it cannot be read as one."""
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return None
+    if not line.endswith(b"\n") or not isinstance(entry, dict):
+        return None
+    if "form" in entry:
+        return entry
+    key = entry.get("key")
+    whole = (
+        isinstance(key, list)
+        and all(isinstance(part, str) for part in key)
+        and isinstance(entry.get("digest"), str)
+        and isinstance(entry.get("of"), str)
+        and isinstance(entry.get("row"), dict)
+        and FAILURE in entry["row"]
+    )
+    return entry if whole else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +13,7 @@ from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row
 from ifrfit.campaign.journal import Journal
 from ifrfit.campaign.plain_groups import fit_groups
 from ifrfit.campaign.population import Population, populations
+from ifrfit.campaign.repeated_priors import bounds_reason, prior_reason
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
 from ifrfit.errors import DataError, UsageError
@@ -23,10 +25,16 @@ from ifrfit.inference.workers.lots import in_lots
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 
+EMPTY = "(empty)"  # what stands for the text of an empty cell in a label
 METHODS = ("exact", "lsq", "profile")
 LOT = 100  # groups
 _AT_ONCE = 25  # rows written to the journal together
 DIED = f"the process that fitted it died {TRIES} times, as for want of memory. Fit the group by itself."
+
+
+def label(key: Sequence[str]) -> str:
+    """What a group is called where people read it."""
+    return ", ".join(part or EMPTY for part in key)
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,10 @@ class Campaign:
         Of each group, see `ifrfit.campaign.group_fit.fit_group`.
     refused : tuple of RefusedFile
     populations : tuple of Population
+    no_population : str
+        Why none was pooled, where knowledge of the user's would count once a group; else empty.
+    unread : str
+        What of an unfinished campaign could not be read, and was fitted anew; else empty.
     model : Model
     method : str
     noise : str or None
@@ -58,6 +70,8 @@ class Campaign:
     rows: tuple[Row, ...]
     refused: tuple[RefusedFile, ...]
     populations: tuple[Population, ...]
+    no_population: str
+    unread: str
     model: Model
     method: str
     noise: str | None
@@ -104,7 +118,8 @@ def run_campaign(
     data : sequence of str or Path
         Files, and folders of CSV, TSV and Parquet files.
     by : sequence of str
-        Columns whose text forms the groups; ``file`` stands for the name of the file.
+        Columns whose text forms the groups, without blanks around; ``file`` stands for the name of the file,
+        with its folders where names are not unique.
     out : Path
         Folder of the results; what was found so far is kept beside it until they are delivered.
     deliver : callable
@@ -133,7 +148,7 @@ def run_campaign(
     UsageError
         For choices that do not exist, and for an unfinished campaign that nothing is said of.
     DataError
-        There is no file, or no group in them.
+        There is no file, no group in them, or no group that can be fitted.
     """
     estimator = estimator_of(method)
     if estimator.name not in METHODS:
@@ -151,7 +166,8 @@ def run_campaign(
     selection_of(keywords)
     inertia = question.model.inertia_factor
     parameters = question.model.parameters(SOLID if inertia is None else inertia)
-    files = GroupedFiles(tuple(table_files([Path(each) for each in data])), tuple(by), conventions)
+    paths = [Path(each) for each in data]
+    files = GroupedFiles(tuple(table_files(paths)), tuple(by), conventions, tuple(paths))
     journal = Journal.open(out, repr((tuple(by), question)), resume=resume, force=force)
     order: dict[tuple[str, ...], int] = {}
     refused: list[RefusedFile] = []
@@ -193,12 +209,18 @@ def run_campaign(
         raise DataError(f"There is no group to fit: {reason}")
     keys = tuple(sorted(found, key=order.__getitem__))
     rows = tuple(found[key] for key in keys)
+    if all(row[FAILURE] for row in rows):
+        journal.close()
+        raise DataError(_all_failed(keys, rows))
+    reason = prior_reason(question.model, question.noise, parameters) or bounds_reason(rows, parameters)
     campaign = Campaign(
         tuple(by),
         keys,
         rows,
         tuple(refused),
-        tuple(populations(rows, parameters)),
+        () if reason else tuple(populations(rows, parameters)),
+        reason,
+        journal.unread,
         replace(question.model, closure=get_closure(question.model.closure).name),
         estimator.name,
         question.noise.policy,
@@ -219,6 +241,16 @@ def _keep(journal: Journal, waiting: list[tuple[Group, Row]]) -> None:
             [row for _, row in waiting],
         )
         waiting.clear()
+
+
+def _all_failed(keys: Sequence[tuple[str, ...]], rows: Sequence[Row]) -> str:
+    """Why there is no result, by the reason that most groups have."""
+    reasons = [str(row[FAILURE]) for row in rows]
+    (most, count), *_ = Counter(reasons).most_common(1)
+    first = label(keys[reasons.index(most)])
+    others = f" and {count - 1} more" if count > 1 else ""
+    whole = "The only group failed" if len(rows) == 1 else f"All {len(rows)} groups failed"
+    return f"{whole}, and nothing is written. {first}{others}: {most}"
 
 
 def _lost(group: Group) -> Row:

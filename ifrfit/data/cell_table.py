@@ -60,6 +60,25 @@ class TextColumn(Sequence[str]):
         return self._blocks[number].split(_END)[row - self._firsts[number]]
 
 
+class UnreadableKindError(DataError):
+    """A column of a file or table is of a kind that is neither numbers nor text.
+
+    Parameters
+    ----------
+    said : str
+    kind : str
+        As Arrow calls it.
+    """
+
+    def __init__(self, said: str, kind: str) -> None:
+        super().__init__(said, kind)
+
+    @property
+    def kind(self) -> str:
+        """What it holds, as Arrow calls it."""
+        return str(self.args[1])
+
+
 CellColumn = Sequence[str] | NDArray[np.float64]
 
 

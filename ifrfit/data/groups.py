@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cell_table import CellColumn, Cells
+from ifrfit.data.cell_table import CellColumn, Cells, UnreadableKindError
 from ifrfit.data.column_names import role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.readers import read_table
@@ -107,13 +107,16 @@ class GroupedFiles:
     files : tuple of Path
     by : tuple of str
         Columns as they are called in the files; a folder ``NAME=VALUE`` is a column, too, and `FILE` stands
-        for the name of the file.
+        for the name of the file, see `file_names`.
     conventions : Conventions
+    roots : tuple of Path
+        The files and folders that were named, which names of files are relative to.
     """
 
     files: tuple[Path, ...]
     by: tuple[str, ...]
     conventions: Conventions
+    roots: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         twice = [name for name, count in Counter(self.by).items() if count > 1]
@@ -123,10 +126,14 @@ class GroupedFiles:
 
     @property
     def is_by_file(self) -> bool:
-        """Whether no group can have rows of two files."""
-        return len(self.files) == 1 or (
-            FILE in self.by and len({path.stem for path in self.files}) == len(self.files)
-        )
+        """Whether no group can have rows of two files, unless they have a column of that name."""
+        return len(self.files) == 1 or FILE in self.by
+
+    @cached_property
+    def file_names(self) -> dict[Path, str]:
+        """What each file is called as a key."""
+        parts = {path: tuple(_folders(path).get(name) for name in self.by) for path in self.files}
+        return _file_names(self.files, self.roots, parts)
 
     def groups(self) -> Iterator[Group | RefusedFile]:
         """Each group when the last of its files was read, and each file that is refused.
@@ -157,6 +164,7 @@ class GroupedFiles:
         waiting: dict[tuple[str, ...], Group] = {}
         refused: list[RefusedFile] = []
         without: list[str] = []
+        formed: set[tuple[str, ...]] = set()
         twins = possible_duplicates(self.files)
         seen: dict[Path, Cells] = {}
         by_bytes: dict[str, tuple[Path, set[tuple[str, ...]]]] = {}
@@ -175,6 +183,12 @@ class GroupedFiles:
                         cells, path, [seen[one] for one, two in twins if two == path and one in seen]
                     )
                     seen[path] = cells
+                if self.is_by_file and (common := sorted(formed & set(keyed))):
+                    raise DataError(
+                        f"{path}: its column {FILE} names a group of an earlier file, "
+                        f"{', '.join(common[0])}, and --by {FILE} takes each file by itself. Rename the "
+                        "column, and name it in --by."
+                    )
             except DataError as error:
                 if isinstance(error, _ColumnMissingError):
                     without.append(error.in_shell)
@@ -200,18 +214,19 @@ class GroupedFiles:
                 waiting[key] = replace(group, tables=(*group.tables, _rows_of(whole, rows)))
             over = [key for key in waiting if last.get(key, number) <= number]
             for key in over:
+                formed.add(key)
                 yield waiting.pop(key)
         yield from refused
 
     def _rows_by_key(self, cells: Cells, path: Path) -> dict[tuple[str, ...], NDArray[np.intp]]:
         """Rows of each key, in the order in which the keys first occur."""
-        folders = dict(part.split("=", 1) for part in path.parts[:-1] if part.count("=") == 1)
+        folders = _folders(path)
         columns: list[list[str]] = []
         for name in self.by:
             if name in cells.headers:
-                columns.append(cells.texts(cells.headers.index(name)))
+                columns.append(_key_texts(cells, name))
             elif name == FILE:
-                columns.append([path.stem] * len(cells))
+                columns.append([self.file_names[path]] * len(cells))
             elif name in folders:
                 columns.append([folders[name]] * len(cells))
             else:
@@ -233,6 +248,55 @@ class GroupedFiles:
             if name in cells.headers and name not in named and role_of(name).kind == "unknown"
         )
         return replace(self.conventions, ignored=(*self.conventions.ignored, *labels))
+
+
+def _folders(path: Path) -> dict[str, str]:
+    """The columns that its folders are: their values by their names."""
+    return dict(part.split("=", 1) for part in path.parts[:-1] if part.count("=") == 1)
+
+
+def _file_names(
+    files: Sequence[Path], roots: Sequence[Path], others: Mapping[Path, object]
+) -> dict[Path, str]:
+    """Names that tell files apart, beside the `others` of their keys, made the same way for all of them.
+
+    Without folder and suffix where these are unique; else with the folders below what was named, without the
+    suffix where that tells them; else with it; else, of several folders named, the whole path.
+    """
+    below = {path: _below(path, roots) for path in files}
+    ways: tuple[Callable[[Path], str], ...] = (
+        lambda path: path.stem,
+        lambda path: below[path].with_suffix("").as_posix(),
+        lambda path: below[path].as_posix(),
+    )
+    for way in ways:
+        names = {path: way(path) for path in files}
+        if len({(others[path], name) for path, name in names.items()}) == len(names):
+            return names
+    return {path: path.as_posix() for path in files}
+
+
+def _below(path: Path, roots: Sequence[Path]) -> Path:
+    """The path below the folder that was named, the longest of several."""
+    inside = [root for root in roots if root != path and path.is_relative_to(root)]
+    return path.relative_to(max(inside, key=lambda root: len(root.parts))) if inside else Path(path.name)
+
+
+def _key_texts(cells: Cells, name: str) -> list[str]:
+    """The cells of a column that forms groups, without blanks around.
+
+    Raises
+    ------
+    DataError
+        It holds neither numbers nor text.
+    """
+    column = cells.columns[cells.headers.index(name)]
+    if isinstance(column, UnreadableKindError):
+        raise DataError(
+            f"{cells.file}, column {name}: holds {column.kind}, and groups are formed by text or numbers. "
+            f"Write it as text, or leave {name} out of --by."
+        )
+    return cells.texts(cells.headers.index(name))
 
 
 def _refuse_seen(cells: Cells, path: Path, others: Sequence[Cells]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, show
+from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, TextColumn, UnreadableKindError, show
 from ifrfit.data.column_names import UNITS, parse_header, unit_name
 from ifrfit.data.merged_headers import Spans, merge_headers
 from ifrfit.data.notes_in_text import calibration_in, notes_in
@@ -403,7 +403,8 @@ def arrow_column(column: Any, name: str, file: str, pa: Any) -> CellColumn | Dat
             )
     if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
         return [cell if cell is not None else "" for cell in column.to_pylist()]
-    return DataError(
+    return UnreadableKindError(
         f"{file}, column {name}: holds {kind}, neither numbers nor text. Convert it, or leave it out: "
-        f"--convention {shlex.quote(f'ignore={name}')}."
+        f"--convention {shlex.quote(f'ignore={name}')}.",
+        str(kind),
     )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import datetime
+
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from refusals import refused
 
@@ -15,7 +19,7 @@ PLAIN = parse_conventions(())
 
 
 def grouped(paths, *by):
-    return GroupedFiles(tuple(table_files(paths)), by, PLAIN)
+    return GroupedFiles(tuple(table_files(paths)), by, PLAIN, tuple(paths))
 
 
 def write(path, *lines, header="wall,gamma_deg,beta"):
@@ -44,11 +48,54 @@ def test_columns_may_be_folders_and_the_file(tmp_path):
     assert keys == [("glass", "1"), ("glass", "2"), ("steel", "1"), ("steel", "2")]
 
 
-def test_files_that_differ_by_their_suffix_alone_are_one_group(tmp_path):
+def test_files_that_differ_by_their_suffix_alone_are_groups_of_their_own(tmp_path):
     write(tmp_path / "a.csv", "10,0.1", header="gamma_deg,beta")
     pd.DataFrame({"gamma_deg": [20.0], "beta": [0.2]}).to_parquet(tmp_path / "a.parquet")
-    (found,) = grouped([tmp_path], "file").groups()
-    assert (found.key, found.rows) == (("a",), 2)
+    found = {group.key: group.rows for group in grouped([tmp_path], "file").groups()}
+    assert found == {("a.csv",): 1, ("a.parquet",): 1}
+
+
+def test_files_of_one_name_in_two_folders_are_groups_of_their_own(tmp_path):
+    for place, name in enumerate(("mon/run01", "mon/run02", "tue/run01", "wed/run03")):
+        write(tmp_path / f"{name}.csv", f"{10 + place},0.1", header="gamma_deg,beta")
+    found = [group.key for group in grouped([tmp_path], "file").groups()]
+    assert found == [("mon/run01",), ("mon/run02",), ("tue/run01",), ("wed/run03",)]
+    two = grouped([tmp_path / "mon", tmp_path / "tue"], "file")
+    assert [group.key[0] for group in two.groups()] == [
+        (tmp_path / name).as_posix() for name in ("mon/run01.csv", "mon/run02.csv", "tue/run01.csv")
+    ]
+    alone = grouped([tmp_path / "mon", tmp_path / "wed"], "file")
+    assert [group.key for group in alone.groups()] == [("run01",), ("run02",), ("run03",)]
+
+
+def test_a_column_called_file_takes_no_group_from_another_file(tmp_path):
+    """The second group of the key took the place of the first one, without a word."""
+    for place, name in enumerate("abc"):
+        write(tmp_path / f"{name}.csv", f"{'xxy'[place]},{10 + place},0.1", header="file,gamma_deg,beta")
+    found = list(grouped([tmp_path], "file").groups())
+    assert [each.key for each in found if isinstance(each, Group)] == [("x",), ("y",)]
+    (refusal,) = (each for each in found if isinstance(each, RefusedFile))
+    assert refusal.name == "b.csv"
+    assert "its column file names a group of an earlier file, x" in refusal.reason
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [("date32", [datetime.date(2024, 1, 2), datetime.date(2024, 1, 3)]), ("bool", [True, False])],
+)
+def test_kinds_that_are_no_keys_are_told_with_what_helps(tmp_path, kind, values):
+    table = pa.table({"day": values, "gamma_deg": [10.0, 20.0], "beta": [0.1, 0.2]})
+    pq.write_table(table, tmp_path / "a.parquet")
+    (found,) = grouped([tmp_path], "day").groups()
+    assert f"column day: holds {kind}" in found.reason
+    assert "Write it as text, or leave day out of --by." in found.reason
+
+
+def test_blanks_around_are_no_part_of_a_key(tmp_path):
+    write(tmp_path / "a.csv", "s,10,0.1", '"s ",20,0.1', '" s",30,0.1', "S,40,0.1", '"s s",50,0.1')
+    assert [(each.key, each.rows) for each in grouped([tmp_path], "wall").groups()] == [
+        (("s",), 3), (("S",), 1), (("s s",), 1),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("by", ["file", "wall"])

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from ifrfit.campaign.population import FEWEST, Coordinate, NormalHierarchy, populations
+from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.population import Coordinate, populations
 from ifrfit.inference.model.parameters import Parameter
 
 # the eight schools of Rubin (1981), in Gelman et al., Bayesian Data Analysis, table 5.2

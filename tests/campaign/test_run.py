@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 
 import numpy as np
@@ -12,10 +13,12 @@ from factories import HEADER, impacts_text
 from refusals import refused
 
 import ifrfit
+from ifrfit.campaign.report.folder import record
 from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.text import summary
 from ifrfit.campaign.run import run_campaign
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.options import AngleErrors, Model, Noise
 
 CONSTANTS = ("e_n", "e_t", "mu")
 
@@ -173,9 +176,123 @@ def test_the_page_escapes_what_came_from_a_file(tmp_path):
     campaign_file(path)
     text = path.read_text(encoding="utf-8").replace("r1,", "<script>alert(1)</script>,")
     path.write_text(text.replace("r2,", "$x^{2}$&amp;,"), encoding="utf-8")
-    html = page(run(path, tmp_path / "out"))
-    assert "<script>alert" not in html
-    assert "&lt;script&gt;alert(1)" in html
+    shown = page(run(path, tmp_path / "out"))
+    assert "<script>alert" not in shown
+    assert "&lt;script&gt;alert(1)" in shown
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (
+            {"model": Model(prior={"mu": (0.15, 0.03)})},
+            "the prior of mu stands in the posterior of every group",
+        ),
+        ({"model": Model(prior={"mu": ifrfit.Uniform(0.0, 1.0)})}, "Leave --prior out for a population"),
+        (
+            {"model": Model(prior_from="soda-lime glass/smooth aluminium")},
+            "Leave --prior-from out for a population",
+        ),
+        ({"noise": Noise(angles=AngleErrors(offset_sd=0.5))}, "Leave --angle-offset out for a population"),
+        ({"model": Model(bounds={"mu": (0.0, 0.15)})}, "the bounds of mu cut what"),
+    ],
+)
+def test_what_would_count_once_a_group_leaves_no_population(tmp_path, asked, said):
+    """60 equal groups of mu = 0.2 and one prior of 0.15 +- 0.03 made a population of 0.186 +- 0.002."""
+    found = run(campaign_file(tmp_path / "all.csv"), tmp_path / "out", **asked)
+    assert found.populations == ()
+    assert said in found.no_population
+    assert found.no_population in summary(found)
+    assert found.no_population in html.unescape(page(found))
+    assert record(found)["no_population"] == found.no_population
+    assert "there is no population to tell of" not in summary(found)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [Model(), Model(fix={"e_t": -0.7}), Model(bounds={"mu": (0.0, 1.5)}), Model(bounds={"mu": (0.0, 3.0)})],
+)
+def test_what_is_fixed_and_bounds_that_cut_nothing_leave_a_population(tmp_path, model):
+    found = run(campaign_file(tmp_path / "all.csv"), tmp_path / "out", model=model)
+    assert found.no_population == ""
+    assert record(found)["no_population"] is None
+    assert "mu" in {each.name for each in found.populations}
+
+
+def test_a_group_of_another_population_is_named(tmp_path):
+    """One e_n of 0.50 among eleven about 0.84 was pooled without a word."""
+    rng = np.random.default_rng(1)
+    truths = [{"e_n": rng.uniform(0.825, 0.861), "c": -0.7, "mu": 0.15} for _ in range(11)]
+    lines = [
+        line
+        for place, truth in enumerate([*truths, {"e_n": 0.5, "c": -0.7, "mu": 0.15}])
+        for line in lines_of(f"r{place}", place, **truth)
+    ]
+    path = tmp_path / "all.csv"
+    path.write_text("\n".join([f"run,{HEADER}", *lines]) + "\n", encoding="utf-8")
+    found = run(path, tmp_path / "out")
+    assert {each.name: list(each.outlying) for each in found.populations} == {
+        "e_n": [11], "e_t": [], "mu": [], "kappa": [11],
+    }  # fmt: skip
+    said = "e_n: not of the population of the others is r11 (p "
+    assert said in summary(found)
+    assert "make their campaign without them" in summary(found)
+    assert said in html.unescape(page(found))
+    (kept,) = record(found)["populations"]["e_n"]["not_of_the_population"]
+    assert kept["group"] == ["r11"]
+    assert kept["p_value"] < 1e-6
+    assert record(found)["populations"]["mu"]["not_of_the_population"] == []
+
+
+def test_of_three_groups_it_is_said_that_nothing_was_looked_at(tmp_path):
+    found = run(campaign_file(tmp_path / "all.csv", runs=3), tmp_path / "out")
+    assert (
+        "Whether the groups are of one population in e_n, e_t, mu and kappa cannot be told from 3 groups."
+        in (summary(found))
+    )
+    assert record(found)["populations"]["mu"]["not_of_the_population"] is None
+
+
+def test_a_journal_line_that_cannot_be_read_is_fitted_anew_and_said(tmp_path):
+    path, out = campaign_file(tmp_path / "all.csv"), tmp_path / "out"
+
+    def full(found):
+        raise UsageError("the disk is full")
+
+    with refused(UsageError, match="full"):
+        run(path, out, full)
+    journal = tmp_path / "out.unfinished.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines()
+    journal.write_text("\n".join([*lines[:2], lines[2][:30], *lines[3:]]) + "\n", encoding="utf-8")
+    found = run(path, out, resume=True)
+    assert found.rows == run(path, tmp_path / "fresh").rows
+    assert "out.unfinished.jsonl: a line could not be read" in summary(found)
+    assert "a line could not be read" in record(found)["unread"]
+
+
+def test_an_empty_key_has_a_label(tmp_path):
+    path = campaign_file(tmp_path / "all.csv")
+    text = path.read_text(encoding="utf-8").replace("r1,", ",") + ",s,beta,30,0,0,oops,0.1\n"
+    path.write_text(text.replace("r2,", "x,"), encoding="utf-8")
+    found = run(path, tmp_path / "out")
+    assert found.keys[1] == ("",)
+    assert "(empty): " in summary(found)
+    assert "<dt>(empty)</dt>" in page(found)
+    path.write_text("\n".join(text.splitlines()[:-1]) + "\n", encoding="utf-8")
+    html_of = page(run(path, tmp_path / "out"))
+    assert '<td data-key="">(empty)</td>' in html_of
+    assert "(empty): alone" in html_of
+
+
+def test_a_campaign_without_a_group_that_can_be_fitted_is_refused(tmp_path, monkeypatch):
+    """It was delivered, with status 0."""
+    monkeypatch.chdir(tmp_path)
+    lines = [f"run,{HEADER}", *(f"{run},s,beta,10,0,0,oops,0.1" for run in "ab")]
+    (tmp_path / "all.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    done = command("campaign", "all.csv", "--by", "run", "--out", "res")
+    assert done.returncode == 3
+    assert done.stderr.startswith("ifrfit: All 2 groups failed, and nothing is written. a: all.csv, line 2")
+    assert [each.name for each in tmp_path.iterdir()] == ["all.csv"]
 
 
 def test_the_command(tmp_path, monkeypatch):

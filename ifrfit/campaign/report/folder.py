@@ -51,11 +51,13 @@ def record(campaign: Campaign) -> dict[str, Any]:
         "fitted": campaign.fitted,
         "failed": campaign.failed,
         "refused_files": [{"file": each.name, "reason": each.reason} for each in campaign.refused],
-        "populations": {each.name: _population(each) for each in campaign.populations},
+        "unread": campaign.unread or None,
+        "no_population": campaign.no_population or None,
+        "populations": {each.name: _population(campaign, each) for each in campaign.populations},
     }
 
 
-def _population(found: Population) -> dict[str, Any]:
+def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
     def numbers(of: Any) -> dict[str, Any]:
         return {
             "value": float(of.median),
@@ -66,6 +68,9 @@ def _population(found: Population) -> dict[str, Any]:
     return {
         "groups": int(found.groups.size),
         "left_out": found.left_out,
+        "not_of_the_population": None
+        if found.outlying is None
+        else [{"group": list(campaign.keys[at]), "p_value": p} for at, p in found.outlying.items()],
         "median_group": numbers(found.centre),
         "new_group": numbers(found.new),
         "sd_over_groups_in_its_coordinate": numbers(found.tau),

@@ -9,8 +9,8 @@ import numpy as np
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row
 from ifrfit.campaign.population import Population
-from ifrfit.campaign.report.text import between, counts, warnings
-from ifrfit.campaign.run import Campaign
+from ifrfit.campaign.report.text import between, counts, membership, warnings
+from ifrfit.campaign.run import EMPTY, Campaign, label
 from ifrfit.report.axis_words import shortened, symbol
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.charts.chart import (
@@ -48,7 +48,7 @@ def page(campaign: Campaign) -> str:
     first = len(campaign.by)
     rows = [
         [
-            *(Cell(part, part) for part in key),
+            *(Cell(part or EMPTY, part) for part in key),
             Cell(str(row["n"]), repr(row["n"])),
             *(_estimate(row, name) for name in constants),
             _p_value(row),
@@ -63,6 +63,8 @@ def page(campaign: Campaign) -> str:
         title="Campaign",
         counts=counts(campaign),
         warnings=warnings(campaign),
+        membership=membership(campaign),
+        no_population=campaign.no_population,
         population=[_population_row(each) for each in campaign.populations],
         pictures=[_picture(campaign, each, number) for number, each in enumerate(campaign.populations, 1)],
         head=head,
@@ -70,7 +72,7 @@ def page(campaign: Campaign) -> str:
         more=max(0, len(rows) - MOST_LISTED),
         numbers=frozenset(range(first, first + len(constants) + 2)),
         failures=[
-            (", ".join(key), row[FAILURE])
+            (label(key), row[FAILURE])
             for key, row in zip(campaign.keys, campaign.rows, strict=True)
             if row[FAILURE]
         ],
@@ -150,7 +152,7 @@ def _chosen(found: Population) -> list[int]:
 
 
 def _label(campaign: Campaign, found: Population, at: int) -> str:
-    return ", ".join(campaign.keys[found.groups[at]])
+    return label(campaign.keys[found.groups[at]])
 
 
 def draw_forest(campaign: Campaign, found: Population) -> Chart:

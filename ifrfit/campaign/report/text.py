@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 
 from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
-from ifrfit.campaign.population import FEWEST
-from ifrfit.campaign.run import Campaign
+from ifrfit.campaign.normal_hierarchy import FEWEST
+from ifrfit.campaign.population import Population
+from ifrfit.campaign.run import Campaign, label
 from ifrfit.report.provenance import STAND_IN
-from ifrfit.text import decimals, fixed, joined
+from ifrfit.text import decimals, fixed, joined, p_text
 
 _SHOWN = 5
 
@@ -22,6 +23,9 @@ def summary(campaign: Campaign) -> str:
             middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
             new = between(float(each.new.lo95), float(each.new.hi95))
             lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
+        lines += [f"  {said}" for said in membership(campaign)]
+    elif campaign.no_population:
+        lines += ["", campaign.no_population]
     else:
         lines += [
             "",
@@ -34,7 +38,7 @@ def summary(campaign: Campaign) -> str:
         (key, row[FAILURE]) for key, row in zip(campaign.keys, campaign.rows, strict=True) if row[FAILURE]
     ]:
         lines += ["", f"failed: {len(failures)} group{'s' if len(failures) > 1 else ''}"]
-        lines += [f"  {', '.join(key)}: {reason}" for key, reason in failures[:_SHOWN]]
+        lines += [f"  {label(key)}: {reason}" for key, reason in failures[:_SHOWN]]
     if campaign.refused:
         lines += ["", f"refused: {len(campaign.refused)} file{'s' if len(campaign.refused) > 1 else ''}"]
         lines += [f"  {each.reason}" for each in campaign.refused[:_SHOWN]]
@@ -58,7 +62,33 @@ def warnings(campaign: Campaign) -> list[str]:
         )
     if not campaign.facts:
         said.append("Slips, effects and lack of fit were not looked for (--no-facts).")
+    if campaign.unread:
+        said.append(campaign.unread)
     return said
+
+
+def membership(campaign: Campaign) -> list[str]:
+    """Groups that are not of the population of the others, by constant, and where that was not looked for."""
+    said = [_outlying(campaign, each) for each in campaign.populations if each.outlying]
+    if said:
+        said.append(
+            "What is said of these constants takes all groups as of one population: see what sets these "
+            "groups off, and make their campaign without them."
+        )
+    few = [each.name for each in campaign.populations if each.outlying is None]
+    if few:
+        said.append(
+            f"Whether the groups are of one population in {joined(few)} cannot be told from {FEWEST} groups."
+        )
+    return said
+
+
+def _outlying(campaign: Campaign, found: Population) -> str:
+    assert found.outlying is not None
+    named = [f"{label(campaign.keys[at])} (p {p_text(p)})" for at, p in found.outlying.items()]
+    more = [f"{len(named) - _SHOWN} more"] if len(named) > _SHOWN else []
+    verb = "is" if len(named) == 1 else "are"
+    return f"{found.name}: not of the population of the others {verb} {joined([*named[:_SHOWN], *more])}."
 
 
 def between(low: float, high: float, middle: float | None = None) -> str:

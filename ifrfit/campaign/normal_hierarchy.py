@@ -1,0 +1,139 @@
+"""Groups of one normal population, each known with an error: the posterior of its sd tau, mean and members.
+
+The population's mean is integrated out in closed form, its standard deviation tau numerically (Gelman et al.,
+Bayesian Data Analysis, 3rd ed., section 5.4; uniform prior of tau, Gelman 2006, Bayesian Anal. 1, 515).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp, ndtr
+
+Array = NDArray[np.float64]
+
+FEWEST = 3  # groups: of fewer the posterior of tau is not proper
+_NODES = 1201  # of log tau
+_DECADES = 14.0  # e-folds of tau below and above the scale of the groups
+_KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
+_ENDS = (0.025, 0.16, 0.5, 0.84, 0.975)
+_BISECTIONS = 60
+_BLOCK = 2_000_000  # numbers at once
+
+
+@dataclass(frozen=True)
+class NormalHierarchy:
+    """The posterior of a normal population of n groups, over nodes of its standard deviation tau.
+
+    Attributes
+    ----------
+    y, s : ndarray, (n,)
+        What each group says by itself, and with which standard deviation.
+    tau, log_weight : ndarray, (m,)
+        Nodes, and the logarithms of their probabilities.
+    mean, sd : ndarray, (m,)
+        Of the population's mean, given tau.
+    """
+
+    y: Array
+    s: Array
+    tau: Array
+    log_weight: Array
+    mean: Array
+    sd: Array
+
+    @property
+    def weight(self) -> Array:
+        """Probabilities of the nodes, (m,)."""
+        return np.exp(self.log_weight)
+
+    @classmethod
+    def of(cls, y: Array, s: Array) -> NormalHierarchy:
+        """Integrate over tau on a grid of its logarithm.
+
+        Raises
+        ------
+        ValueError
+            For fewer than `FEWEST` groups, or a standard deviation that is not positive and finite.
+        """
+        if y.size < FEWEST or not (np.isfinite(y).all() and np.isfinite(s).all() and (s > 0.0).all()):
+            raise ValueError(f"at least {FEWEST} groups with positive standard deviations are needed")
+        scale = float(np.sqrt(np.mean(s**2) + np.var(y)))
+        log_tau = math.log(scale) + np.linspace(-_DECADES, _DECADES, _NODES)
+        log_p, mean, variance = (np.empty(_NODES) for _ in range(3))
+        step = max(1, _BLOCK // y.size)
+        for first in range(0, _NODES, step):
+            at = slice(first, first + step)
+            total = s**2 + np.exp(2.0 * log_tau[at])[:, None]
+            precision = (1.0 / total).sum(axis=1)
+            mean[at] = (y / total).sum(axis=1) / precision
+            variance[at] = 1.0 / precision
+            misfit = ((y - mean[at][:, None]) ** 2 / total + np.log(total)).sum(axis=1)
+            log_p[at] = 0.5 * np.log(variance[at]) - 0.5 * misfit + log_tau[at]
+        return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance))
+
+    def tau_quantiles(self) -> Array:
+        """Quantiles of tau, (5,)."""
+        weight = self.weight
+        return np.interp(_ENDS, np.cumsum(weight) - 0.5 * weight, self.tau)
+
+    def thinned(self) -> NormalHierarchy:
+        """The same over fewer nodes, each with the mass about it: for quantiles of many groups."""
+        mass = self.weight
+        place = np.minimum((np.cumsum(mass) * _KEPT).astype(int), _KEPT - 1)
+        weight: Array = np.bincount(place, mass, _KEPT).astype(float)
+        seen = weight > 0.0
+
+        def average(x: NDArray[Any]) -> Array:
+            summed = np.bincount(place, mass * x, _KEPT)[seen]
+            return np.asarray(summed / weight[seen])
+
+        return NormalHierarchy(
+            self.y, self.s, average(self.tau), np.log(weight[seen]), average(self.mean), average(self.sd)
+        )
+
+    def shrinkage(self) -> Array:
+        """Mean share of the way to the population's mean, (n,)."""
+        few = self.thinned()
+        share = few.s**2 / (few.s**2 + few.tau[:, None] ** 2)
+        return np.asarray(few.weight @ share)
+
+    def member_quantiles(self) -> Array:
+        """Quantiles of each group's constant, (5, n)."""
+        few = self.thinned()
+        share = few.s**2 / (few.s**2 + few.tau[:, None] ** 2)
+        mean = few.y + share * (few.mean[:, None] - few.y)
+        variance = few.s**2 * (1.0 - share) + (share * few.sd[:, None]) ** 2
+        return _mixture_quantiles(few.weight, mean, np.sqrt(variance))
+
+    def centre_quantiles(self) -> Array:
+        """Quantiles of the population's mean, (5,)."""
+        return _mixture_quantiles(self.weight, self.mean[:, None], self.sd[:, None])[:, 0]
+
+    def new_quantiles(self) -> Array:
+        """Quantiles of the constant of a new group, (5,)."""
+        wide = np.hypot(self.sd, self.tau)
+        return _mixture_quantiles(self.weight, self.mean[:, None], wide[:, None])[:, 0]
+
+
+def _mixture_quantiles(weight: Array, mean: Array, sd: Array) -> Array:
+    """Quantiles `_ENDS` of mixtures of normals, (5, n); mean and sd (m, n), by bisection."""
+    counts = weight > 1e-12 * weight.max()
+    weight, mean, sd = weight[counts], mean[counts], sd[counts]
+    ends = np.array(_ENDS)
+    found = np.empty((ends.size, mean.shape[1]))
+    step = max(1, _BLOCK // (mean.shape[0] * ends.size))
+    for first in range(0, mean.shape[1], step):
+        m, s = mean[:, None, first : first + step], sd[:, None, first : first + step]
+        low = np.broadcast_to((m - 10.0 * s).min(axis=0), (ends.size, m.shape[2]))
+        high = np.broadcast_to((m + 10.0 * s).max(axis=0), low.shape)
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            below = np.tensordot(weight, ndtr((middle - m) / s), axes=1) < ends[:, None]
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        found[:, first : first + step] = 0.5 * (low + high)
+    return found
