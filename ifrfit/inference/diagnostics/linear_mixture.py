@@ -27,6 +27,7 @@ _LEAST_SHARE = 0.02
 _LEAST_VARIANCE = 1e-6  # of a noise, in that of one kind
 _RIDGE = 1e-9
 _MOST = 1_000  # impacts, spread over the table, that the search looks at
+_MORE = 4_000  # that what it found is held against
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -105,13 +106,13 @@ class Linearised:
             for theta, residual in zip(thetas, residuals, strict=True)
         ]
 
-    def thinned(self) -> Linearised:
-        """Some of the impacts, where there are very many."""
+    def thinned(self, most: int = _MOST) -> Linearised:
+        """Some of the impacts, where there are more."""
         count = self.first.size
-        if count <= _MOST:
+        if count <= most:
             return self
         kept = np.zeros(count, dtype=bool)
-        kept[(np.arange(1, _MOST + 1) * _GOLDEN % 1.0 * count).astype(np.intp)] = True
+        kept[(np.arange(1, most + 1) * _GOLDEN % 1.0 * count).astype(np.intp)] = True
         own = kept[self.of_impact]
         place = np.cumsum(own) - 1
         return Linearised(
@@ -221,6 +222,53 @@ def linear_kinds(linear: Linearised, columns: Index, others: Sequence[Start] = (
             )
         )
     return found
+
+
+def confirmed_by_more(
+    problem: Problem, linear: Linearised, found: Sequence[LinearKinds], least: float
+) -> list[LinearKinds]:
+    """What was found of some of very many impacts, by more of them.
+
+    What two kinds explain grows with the number of impacts, and what chance explains does not: of the fall by
+    more of them twice the share of the former counts.
+
+    Parameters
+    ----------
+    problem : Problem
+    linear : Linearised
+        Of all impacts, at the optimum.
+    found : sequence of LinearKinds
+    least : float
+        Fall of -2 log likelihood below which kinds are let go of.
+    """
+    more = linear.thinned(_MORE)
+    if more.first.size <= _MOST:
+        return list(found)
+    return [_by_more(problem, more, one) for one in found if one.drop > least]
+
+
+def _by_more(problem: Problem, linear: Linearised, one: LinearKinds) -> LinearKinds:
+    first, second = linear.about(problem, np.stack(one.about))
+    last = one.second[one.column] - second.free_constants[one.column]
+    change = np.append(one.first - first.free_constants, last)
+    search = _Search.of([Start(one.column, first, second, change, one.share)])
+    variance = np.ones((1, linear.residual.size))
+    for rows, noise in zip(linear.groups, one.noises, strict=True):
+        variance[:, rows] = noise**2
+    change, share, variance, gain = search.run(
+        linear, change[None], np.array([one.share]), variance, _LAST_STEPS
+    )
+    moved = change[0, :-1].copy()
+    moved[one.column] = change[0, -1]
+    fall = float(gain.sum() - gain.max())
+    return replace(
+        one,
+        first=first.free_constants + change[0, :-1],
+        second=second.free_constants + moved,
+        share=float(share[0]),
+        drop=min(one.drop, 2.0 * fall * _MOST / linear.first.size),
+        noises=np.sqrt([variance[0, rows[0]] for rows in linear.groups]),
+    )
 
 
 def _starts(linear: Linearised, column: int, spread: float) -> Iterator[Start]:

@@ -11,7 +11,13 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.change_points import Run, best_runs, run_of_largest_sum
-from ifrfit.inference.diagnostics.linear_mixture import Linearised, LinearKinds, Start, linear_kinds
+from ifrfit.inference.diagnostics.linear_mixture import (
+    Linearised,
+    LinearKinds,
+    Start,
+    confirmed_by_more,
+    linear_kinds,
+)
 from ifrfit.inference.diagnostics.residuals import exclude_name
 from ifrfit.inference.diagnostics.slips.nuisances import is_in_order
 from ifrfit.inference.diagnostics.slips.refit import Misfit
@@ -92,6 +98,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None
         return None
     thinned = linear.thinned()
     kinds = linear_kinds(thinned, columns, _of_unlike_mu(problem, thinned))
+    kinds = confirmed_by_more(problem, linear, kinds, _HINT)
     mixed = _mixed_kinds(problem, fit, linear, kinds)
     runs = [] if is_in_order(problem) else best_runs(linear, columns)
     run = _kind_in_a_run(problem, fit, linear, runs, kinds)

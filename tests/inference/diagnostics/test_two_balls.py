@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from two_balls import ERRORS, two_balls
 
+from ifrfit.inference.diagnostics import mixture
 from ifrfit.inference.diagnostics.change_points import best_runs, run_of_largest_sum
 from ifrfit.inference.diagnostics.linear_mixture import Linearised, linear_kinds
 from ifrfit.inference.diagnostics.unimodal_errors import _log_density
@@ -21,6 +22,7 @@ from ifrfit.physics.rebound import rebound
 
 # tables in which a constant was more than 3 sd off, and every fact ok, before these were looked for
 SILENT = rest_long((19, 732, 282, 118, 239, 668, 917, 929, 13), 3)
+CHANCE = 9  # a seed with which chance makes two kinds of a thousand impacts of one
 VELOCITIES = ("v_x", "v_n", "spin_y_after")
 
 
@@ -81,6 +83,32 @@ def test_a_run_of_another_mu_is_told_with_its_lines(many, mu):
 def test_one_ball_is_one_whatever_its_errors(errors, numbers):
     for number in numbers:
         assert "mixture" not in facts_of(two_balls(41, number, errors, clean=True))
+
+
+def of_many(share, seed=10, count=6000):
+    """Beta and e_n, of a share with an e_n two sigma lower."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.uniform(3.0, 80.0, count)
+    e_n = np.where(rng.random(count) < share, 0.84, 0.9)
+    state = rebound(gamma, e_n=e_n, e_t=-0.7, mu=0.15, degrees=True)
+    errors = rng.standard_normal((2, count))
+    table = {"gamma_deg": gamma, "beta": state.beta + 0.05 * errors[0], "e_n": e_n + 0.03 * errors[1]}
+    return pd.DataFrame(table | {"sigma_beta": 0.05, "sigma_e_n": 0.03})
+
+
+def test_of_very_many_impacts_some_are_searched_and_more_confirm(monkeypatch):
+    searched = []
+    grown = mixture._grown
+    monkeypatch.setattr(mixture, "_grown", lambda *given: searched.append(1) or grown(*given))
+    fact = fit(of_many(0.3), method="lsq").facts["mixture"]
+    assert sorted(fact.figures["values"]) == pytest.approx([0.84, 0.9], abs=0.02)
+    assert searched
+    searched.clear()
+    found = []
+    monkeypatch.setattr(mixture, "linear_kinds", lambda *given: found.extend(linear_kinds(*given)) or found)
+    assert "mixture" not in fit(of_many(0.0, CHANCE), method="lsq").facts
+    assert max(one.drop for one in found) > mixture._HINT  # chance, of a thousand impacts
+    assert not searched  # of which the two laws are not computed
 
 
 def test_skewed_errors_are_no_second_ball():
