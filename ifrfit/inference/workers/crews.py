@@ -112,7 +112,8 @@ class Processes:
 
     def _died(self) -> Exception:
         # one that was started while the others were ended would be waited for without end
-        end_at_once(self._others)
+        if self._pool is not None:
+            end_at_once(self._pool, self._others)
         self.close()
         self._deaths += 1
         if not self._has_worked and self._deaths >= TRIES:
@@ -122,7 +123,7 @@ class Processes:
     def end_at_once(self) -> None:
         """End the processes, whatever they are at."""
         if self._pool is not None:
-            end_at_once(self._others)
+            end_at_once(self._pool, self._others)
 
     def close(self) -> None:
         """Let the processes end."""

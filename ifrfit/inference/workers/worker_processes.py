@@ -40,7 +40,7 @@ def worker_processes(workers: int) -> Iterator[Executor]:
     except BrokenProcessPool:
         raise could_not_start(workers) from None
     except (KeyboardInterrupt, GeneratorExit):
-        end_at_once(others)
+        end_at_once(pool, others)
         raise
     finally:
         pool.shutdown(cancel_futures=True)
@@ -75,11 +75,16 @@ def interrupts_deferred() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def end_at_once(others: Collection[BaseProcess]) -> None:
+def end_at_once(pool: Executor, others: Collection[BaseProcess]) -> None:
     """End the processes that this one started, whatever they are at, but for some others."""
     for child in active_children():
         if child not in others:
             child.kill()
+    # one that ended in the middle of an answer leaves the thread that reads it waiting for the rest, as long
+    # as there is somebody to write it: this process holds an end of that pipe, too
+    answers = getattr(getattr(pool, "_result_queue", None), "_writer", None)
+    if answers is not None:
+        answers.close()
 
 
 def could_not_start(workers: int) -> UsageError:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
+import sys
+import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +22,7 @@ from refusals import refused
 import ifrfit
 from ifrfit import MCMC, Bootstrap, UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS
-from ifrfit.inference.workers.worker_processes import worker_processes
+from ifrfit.inference.workers.worker_processes import end_at_once, start_processes, worker_processes
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.registry import registered
@@ -82,3 +86,29 @@ def test_an_entry_that_other_processes_cannot_import_is_refused(entry: object, k
     says = f"--workers 2: other processes cannot import the {kind} '.*', which was registered here. Define it"
     with registered(entry), refused(UsageError, match=says), worker_processes(2):
         pass
+
+
+def long_answer() -> bytes:
+    """So many bytes that the process is at its answer for a while."""
+    return b"0" * 200_000_000
+
+
+def is_reading(pool: ProcessPoolExecutor) -> bool:
+    """Whether an answer is on its way: the thread of the pool is within the reading of it."""
+    reader = pool._executor_manager_thread
+    frame = sys._current_frames().get(reader.ident or 0) if reader is not None else None
+    return frame is not None and frame.f_code.co_name == "_recv"
+
+
+def test_processes_that_are_ended_while_they_answer_hold_up_nobody() -> None:
+    before = multiprocessing.active_children()
+    pool = start_processes(2)
+    answer = pool.submit(long_answer)
+    while not (is_reading(pool) or answer.done()):
+        time.sleep(1e-3)
+    assert not answer.done()
+    end_at_once(pool, before)
+    ended = threading.Thread(target=pool.shutdown, kwargs={"cancel_futures": True}, daemon=True)
+    ended.start()
+    ended.join(20.0)
+    assert not ended.is_alive()
