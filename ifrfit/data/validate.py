@@ -15,6 +15,7 @@ from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.data.table_forms import Piece
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import Array, sincos
+from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import FREE, OBSERVABLES
 
 Mask = NDArray[np.bool_]
@@ -170,6 +171,12 @@ def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[st
     found = lone_sigmas(sigma[here])
     if found is not None:
         yield "sigma", here & (sigma <= found[0]), tiny_sigma(observable, found[1])
+
+
+def impossible(observable: Observable, value: Array) -> Mask:
+    """Values that an observable cannot have: beyond its ends, or of the size that a slipped exponent makes."""
+    beyond = (value < observable.low) | (value > observable.high)
+    return np.asarray(beyond | ((np.abs(value) < TINY) & (value != 0.0)))
 
 
 def lone_sigmas(sigma: Array) -> tuple[float, float] | None:

@@ -38,7 +38,7 @@ from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
 from ifrfit.data.table_folders import possible_duplicates
 from ifrfit.data.table_forms import check_uncertainties
-from ifrfit.data.validate import undefined_at
+from ifrfit.data.validate import impossible, undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compiled_incidence import incidence_of
@@ -371,8 +371,7 @@ class ImpactStream:
                 measured = self._not_taken(name, measured, taken, tally)
             good = measured
             refused = dict(settings)
-            outside = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
-            refused[f"{name} impossible"] = outside
+            refused[f"{name} impossible"] = impossible(of, value)
             for kind in of.undefined:
                 refused[f"{name} has no value there"] = undefined[kind]
             if self.has_sigma:
@@ -393,9 +392,11 @@ class ImpactStream:
         at = np.flatnonzero(usable & (value < of.low) & (value > of.low - BY_NOISE))
         if at.size:
             slope = np.ones(value.size) if of.by_e_n is None else of.by_e_n(incidence)
-            pulls = slope[at] / (layout.sigmas(name)[at] if self.has_sigma else 1.0)
-            pull = float(pulls.sum(where=np.isfinite(pulls)))
-            tally.note_cut(name, at.size, float(value[at].min()), float(layout.gamma()[at].min()), pull)
+            sigma = layout.sigmas(name) if self.has_sigma else np.ones(value.size)
+            known = at[sigma[at] > 0.0]
+            pull = float((slope[known] / sigma[known]).sum())
+            gamma = np.nan_to_num(layout.gamma()[at], nan=math.inf)  # readings of e_n need no angle
+            tally.note_cut(name, at.size, float(value[at].min()), float(gamma.min()), pull)
 
     def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
         """Values of an observable in impacts of which no observable before it has taken the same measurement.

@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions
-from ifrfit.data.schema import TINY
+from ifrfit.data.validate import impossible
 from ifrfit.errors import DataError
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -27,7 +27,6 @@ def without_impossible(cells: Cells, conventions: Conventions, used: Collection[
         if not isinstance(column, np.ndarray):
             continue
         with contextlib.suppress(DataError):  # of a unit that is not known: never looked at
-            value, of = layout.numbers(name), OBSERVABLES[name]
-            bad = (value < of.low) | (value > of.high) | ((np.abs(value) < TINY) & (value != 0.0))
+            bad = impossible(OBSERVABLES[name], layout.numbers(name))
             columns[at] = np.where(bad, np.nan, column)
     return replace(cells, columns=columns)

@@ -38,7 +38,8 @@ def cut_readings(of: Accumulated) -> Fact | None:
         low = OBSERVABLES[name].low
         ends = [known.least_gamma for known in of.groups[number :: len(names)]]
         others = [other for other in names if other != name]
-        remedies = [f"--gamma-max {math.floor(10.0 * gamma) / 10.0:g}"] if gamma > min(ends) + _ROOM else []
+        leaves_some = min(ends) + _ROOM < gamma < math.inf
+        remedies = [f"--gamma-max {math.floor(10.0 * gamma) / 10.0:g}"] if leaves_some else []
         remedies += [f"--observable {' --observable '.join(others)}"] if others else []
         says = (
             f"{count:,} values of {name} below {low:g}, down to {least:.3g}, were left out as impossible, "

@@ -90,3 +90,13 @@ def test_in_memory_the_refusal_does_not_advise_to_cut(tmp_path):
     grazing(400).to_csv(tmp_path / "all.csv", index=False)
     with pytest.raises(DataError, match="leave out the whole setting"):
         ifrfit.fit(tmp_path / "all.csv")
+
+
+def test_readings_of_e_n_without_an_angle_are_cut_as_well(tmp_path):
+    e_n = 0.1 + 0.1 * np.random.default_rng(1).standard_normal(900)
+    fit = ifrfit.fit(
+        folder_of(tmp_path / "all", pd.DataFrame({"e_n": e_n, "sigma_e_n": 0.1}), 3), method="lsq"
+    )
+    fact = fit.facts["truncation"]
+    assert fact.figures["missing"] == np.count_nonzero(e_n < 0.0)
+    assert "--gamma-max" not in fact.says
