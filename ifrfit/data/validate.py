@@ -174,7 +174,7 @@ def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[st
 
 
 def impossible(observable: Observable, value: Array) -> Mask:
-    """Values that an observable cannot have: beyond its ends, or of the size that a slipped exponent makes."""
+    """Values that an observable cannot have: beyond its ends, or tiny as by a slipped exponent."""
     beyond = (value < observable.low) | (value > observable.high)
     return np.asarray(beyond | ((np.abs(value) < TINY) & (value != 0.0)))
 
