@@ -24,6 +24,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
 from ifrfit.data.common_errors import dimension_of
 from ifrfit.data.conventions import suggest
+from ifrfit.data.readings_below_zero import made_by_noise, series_of
 from ifrfit.data.schema import TINY
 from ifrfit.data.table_forms import Piece, impact_ids
 from ifrfit.errors import DataError
@@ -465,7 +466,11 @@ def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Ar
         rule, remedy = "v_n is the magnitude of the normal velocity after", "Correct it."
         if sign < 0.0:
             rule, remedy = z_rule(layout, "leaves", "v_z"), z_remedy(layout)
-        require(layout, key, normal, sign * normal >= 0, rule, remedy)
         speed = incoming.per_speed(sign * normal, layout.numbers(f"sigma:{key}"))
+        leaves = sign * normal >= 0
+        if not leaves.all():
+            of = OBSERVABLES["v_n"]
+            leaves = leaves | made_by_noise(of, speed[0], incoming.gamma_deg, speed[1], series_of(layout))
+        require(layout, key, normal, leaves, rule, remedy)
         result["v_n"] = (*speed, layout.header(key))
     return result

@@ -140,7 +140,7 @@ def observe(cells: Cells, conventions: Conventions, inertia_factor: float = 0.4)
     skipped: Counter[str] = Counter()
     for piece in pieces:
         some, why = drop_missing(piece)
-        validate(some, cells)
+        validate(some, layout)
         kept.append(some)
         skipped.update(why)
     return _assemble(layout, kept, dict(skipped))

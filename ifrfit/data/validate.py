@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cell_table import Cells, show
+from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
+from ifrfit.data.readings_below_zero import FEWEST, FURTHEST, has_sign, made_by_noise, series_of, within_errors
 from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.data.table_forms import Piece
 from ifrfit.errors import DataError
@@ -64,21 +65,28 @@ def drop_missing(piece: Piece) -> tuple[Piece, dict[str, int]]:
     return kept, skipped
 
 
-def validate(piece: Piece, cells: Cells) -> None:
+def validate(piece: Piece, layout: Layout) -> None:
     """Check ranges and where observables are undefined.
+
+    Parameters
+    ----------
+    piece : Piece
+    layout : Layout
+        Of the table that it is from.
 
     Raises
     ------
     DataError
         Names the first offending row.
     """
-    for name, bad, text in _broken_rules(piece):
+    cells = layout.cells
+    for name, bad, text in _broken_rules(piece, layout):
         for place in np.flatnonzero(bad)[:1].tolist():
             said = text.format(f"{piece.columns[name][place]:.6g}")
             raise DataError(f"{cells.at(piece.rows[place], piece.header(name))}: {said}")
 
 
-def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
+def _broken_rules(piece: Piece, layout: Layout) -> Iterator[tuple[str, Mask, str]]:
     """Rules one after the other: the column, which rows break it, and what to say of the value."""
     columns = piece.columns
     yield from _ranges(columns)
@@ -87,15 +95,19 @@ def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
         observable, here = OBSERVABLES[name], columns["observable"] == name
         value = columns["value"]
         outside = (value < observable.low) | (value > observable.high)
+        if (here & (value < 0.0)).any():
+            outside &= ~_by_noise(observable, here, piece, layout)
         tiny = (np.abs(value) < TINY) & (value != 0)
         unit = " degrees" if observable.unit == "deg" else ""
-        yield (
-            "value",
-            here & (value < observable.low) & (value > observable.low - BY_NOISE),
-            f"{{}}{unit} is impossible for {name} ({observable.low:g} to {observable.high:g}{unit}). "
-            "Correct it; where noise makes such readings, leave out the whole setting, as by --gamma-max, "
-            "not these alone: what remains of it is too large.",
-        )
+        if has_sign(observable):
+            yield (
+                "value",
+                here & outside & (value < 0.0) & (value > -BY_NOISE),
+                f"{{}} is impossible for {name} ({observable.low:g} to {observable.high:g}), and no noise: that "
+                f"reaches {FURTHEST:g} sigma below 0 (without sigma as many times the scatter of {FEWEST} "
+                "readings or more below their law), and not on the whole. Correct it or its sign, or state the "
+                "sigma of its noise; left out alone, what remains is too large.",
+            )
         yield (
             "value",
             here & outside,
@@ -112,6 +124,16 @@ def _broken_rules(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
             said = f"{named}{_UNDEFINED[kind]}. Empty the cell or remove the row."
             yield "value", here & undefined[kind], said
         yield from _tiny_sigmas(columns["sigma"], name, here)
+
+
+def _by_noise(observable: Observable, here: Mask, piece: Piece, layout: Layout) -> Mask:
+    """Rows of an observable that noise explains below zero."""
+    at = np.flatnonzero(here)
+    columns = {name: piece.columns[name][at] for name in ("value", "gamma_deg", "sigma")}
+    series = series_of(layout)
+    found = np.zeros(here.shape, dtype=bool)
+    found[at] = made_by_noise(observable, **columns, series=None if series is None else series[piece.rows[at]])
+    return found
 
 
 def _ranges(columns: Mapping[str, Any]) -> Iterator[tuple[str, Mask, str]]:
@@ -173,9 +195,14 @@ def _tiny_sigmas(sigma: Array, observable: str, here: Mask) -> Iterator[tuple[st
         yield "sigma", here & (sigma <= found[0]), tiny_sigma(observable, found[1])
 
 
-def impossible(observable: Observable, value: Array) -> Mask:
-    """Values that an observable cannot have: beyond its ends, or tiny as by a slipped exponent."""
+def impossible(observable: Observable, value: Array, sigma: Array | None = None) -> Mask:
+    """Values that an observable cannot have: beyond its ends, or tiny as by a slipped exponent.
+
+    Those that noise of a stated uncertainty carries below zero are none of them.
+    """
     beyond = (value < observable.low) | (value > observable.high)
+    if sigma is not None:
+        beyond &= ~within_errors(observable, value, sigma)
     return np.asarray(beyond | ((np.abs(value) < TINY) & (value != 0.0)))
 
 

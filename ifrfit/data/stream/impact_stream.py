@@ -371,13 +371,15 @@ class ImpactStream:
                 measured = self._not_taken(name, measured, taken, tally)
             good = measured
             refused = dict(settings)
-            refused[f"{name} impossible"] = impossible(of, value)
+            bad = impossible(of, value, sigma if self.has_sigma else None)
+            refused[f"{name} impossible"] = bad
             for kind in of.undefined:
                 refused[f"{name} has no value there"] = undefined[kind]
             if self.has_sigma:
                 low, high = SIGMA_RANGE
                 refused[f"sigma of {name}"] = ~((sigma >= low) & (sigma <= high))
-            self._note_cut(tally, name, measured & ~np.any([*settings.values()], axis=0), layout, incidence)
+            unused = bad & measured & ~np.any([*settings.values()], axis=0)
+            self._note_cut(tally, name, unused, layout, incidence)
             for reason, bad in refused.items():
                 tally.leave_out(good & bad, reason, cells)
                 good = good & ~bad
@@ -386,10 +388,10 @@ class ImpactStream:
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
 
-    def _note_cut(self, tally: Tally, name: str, usable: Mask, layout: Layout, incidence: Incidence) -> None:
-        """Count values just below the least one, which are left out."""
+    def _note_cut(self, tally: Tally, name: str, unused: Mask, layout: Layout, incidence: Incidence) -> None:
+        """Count values just below the least one among those that are left out."""
         of, value = OBSERVABLES[name], layout.numbers(name)
-        at = np.flatnonzero(usable & (value < of.low) & (value > of.low - BY_NOISE))
+        at = np.flatnonzero(unused & (value < of.low) & (value > of.low - BY_NOISE))
         if at.size:
             slope = np.ones(value.size) if of.by_e_n is None else of.by_e_n(incidence)
             sigma = layout.sigmas(name) if self.has_sigma else np.ones(value.size)

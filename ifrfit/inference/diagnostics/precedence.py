@@ -24,7 +24,7 @@ from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import LAWS
 from ifrfit.inference.diagnostics.one_velocity import one_velocity
 from ifrfit.inference.diagnostics.quadratic_forms import Array
-from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_readings, truncation
+from ifrfit.inference.diagnostics.recorded_values import is_coarse, rounded_readings
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals, are_all_that_misfits, outliers
 from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
@@ -32,6 +32,7 @@ from ifrfit.inference.diagnostics.second_readings import second_readings
 from ifrfit.inference.diagnostics.sigma_of_few import sigma_of_few
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
+from ifrfit.inference.diagnostics.truncation import truncation
 from ifrfit.inference.diagnostics.unrelated_readings import unrelated_readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit

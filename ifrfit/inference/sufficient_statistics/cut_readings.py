@@ -1,13 +1,15 @@
 """Readings of a stream that were left out below the least value an observable can have: a cut by size.
 
-One impossible cell must not refuse a thousand million impacts, so it is counted and left out. Where noise
-made it, as of v_n at grazing incidence, the readings as far above stay, and the constants follow the noise.
+One impossible cell must not refuse a thousand million impacts, so it is counted and left out, unless its
+stated sigma explains it (`ifrfit.data.readings_below_zero`). Where noise made it all the same, as of v_n at
+grazing incidence, the readings as far above stay, and the constants follow the noise.
 """
 
 from __future__ import annotations
 
 import math
 
+from ifrfit.data.readings_below_zero import FURTHEST
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.result.types import Fact
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
@@ -41,9 +43,12 @@ def cut_readings(of: Accumulated) -> Fact | None:
         leaves_some = min(ends) + _ROOM < gamma < math.inf
         remedies = [f"--gamma-max {math.floor(10.0 * gamma) / 10.0:g}"] if leaves_some else []
         remedies += [f"--observable {' --observable '.join(others)}"] if others else []
+        beyond, give = "", "State sigma of every observable, and they count; or leave"
+        if of.stream.has_sigma:
+            beyond, give = f" by more than {FURTHEST:g} sigma", "Correct them or their sigma; or leave"
         says = (
-            f"{count:,} values of {name} below {low:g}, down to {least:.3g}, were left out as impossible, "
-            "and those as far above are used: where noise makes them, the constants follow it. Leave out "
+            f"{count:,} values of {name} below {low:g}{beyond}, down to {least:.3g}, were left out as impossible, "
+            f"and those as far above are used: where noise makes them, the constants follow it. {give} out "
             f"whole settings, not readings: {' or '.join(remedies) or 'those at which noise reaches the end'}"
         )
         return Fact(False, says, {"observable": name, "end": low, "missing": count}, FACTS["truncation"])

@@ -1,33 +1,59 @@
-"""Readings that noise carries beyond what can be, and that a stream leaves out: a cut by size, and told."""
+"""Readings that noise carries below zero: used where sigma explains them, else left out of a stream, and told."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-import pytest
 from streams import folder_of
 
 import ifrfit
-from ifrfit.errors import DataError
 from ifrfit.inference.result.assumptions import COMPLETE
 
 E_N = 0.5
 
 
-def grazing(n=4000, sigma=0.1, seed=3, least=60.0):
-    """Impacts so flat that noise makes v_n negative."""
+def grazing(n=4000, sigma=0.1, seed=3, least=60.0, *, stated=False):
+    """Impacts so flat that noise makes v_n negative; with or without columns of sigma."""
     rng = np.random.default_rng(seed)
     gamma = rng.uniform(least, 86.0, n)
     state = ifrfit.rebound(gamma, degrees=True, e_n=E_N, e_t=-0.8, mu=0.2)
-    return pd.DataFrame(
+    table = pd.DataFrame(
         {
             "gamma_deg": gamma,
             "v_n": state.v_n + sigma * rng.standard_normal(n),
-            "sigma_v_n": sigma,
             "beta": state.beta + 0.03 * rng.standard_normal(n),
-            "sigma_beta": 0.03,
         }
     )
+    return table.assign(sigma_v_n=sigma, sigma_beta=0.03) if stated else table
+
+
+def test_readings_that_sigma_explains_are_used_as_in_memory(tmp_path):
+    table = grazing(stated=True)
+    folder = folder_of(tmp_path / "all", table, 3)
+    table.to_csv(tmp_path / "all.csv", index=False)
+    fit, whole = ifrfit.fit(folder, method="lsq"), ifrfit.fit(tmp_path / "all.csv", method="lsq")
+    assert "truncation" not in fit.facts
+    assert fit.fit.n == 2 * len(table)
+    e_n = fit.constants.e_n
+    assert abs(e_n.value - E_N) < 3.0 * e_n.stderr
+    # v_n = e_n cos(gamma) with one sigma: the mean by hand, of all readings
+    slope = np.cos(np.radians(table["gamma_deg"]))
+    by_hand = float(slope @ table["v_n"] / (slope @ slope))
+    np.testing.assert_allclose([e_n.value, whole.constants.e_n.value], by_hand, rtol=1e-9)
+    assert any(COMPLETE in said for said in fit.assumed)
+
+
+def test_readings_further_below_zero_than_sigma_reaches_are_left_out(tmp_path):
+    table = grazing(sigma=0.01, least=30.0, stated=True)
+    wrong = table.index[:400]
+    table.loc[wrong, "v_n"] *= -1.0
+    far = int((table["v_n"] < -0.05).sum())
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 3), method="lsq")
+    assert fit.inputs[0].rows_skipped["v_n impossible"] == far
+    fact = fit.facts["truncation"]
+    assert fact.figures["missing"] == far
+    assert "below 0 by more than 5 sigma" in fact.says
+    assert "Correct them or their sigma" in fact.says
 
 
 def test_readings_cut_at_zero_are_told_and_the_remedy_mends_it(tmp_path):
@@ -41,6 +67,7 @@ def test_readings_cut_at_zero_are_told_and_the_remedy_mends_it(tmp_path):
     assert abs(fit.constants.e_n.value - E_N) > 3.0 * fit.constants.e_n.stderr
     assert not any(COMPLETE in said for said in fit.assumed)
     assert "--observable beta" in fact.says
+    assert "State sigma of every observable" in fact.says
     left = ifrfit.fit(folder, observable="beta", prior={"e_n": (E_N, 0.01)})
     assert "truncation" not in left.facts
     assert any(COMPLETE in said for said in left.assumed)
@@ -86,16 +113,10 @@ def test_whoever_reads_counts_the_same_cut(tmp_path, monkeypatch):
     assert alone.facts["truncation"].says == shared.facts["truncation"].says
 
 
-def test_in_memory_the_refusal_does_not_advise_to_cut(tmp_path):
-    grazing(400).to_csv(tmp_path / "all.csv", index=False)
-    with pytest.raises(DataError, match="leave out the whole setting"):
-        ifrfit.fit(tmp_path / "all.csv")
-
-
 def test_readings_of_e_n_without_an_angle_are_cut_as_well(tmp_path):
     e_n = 0.1 + 0.1 * np.random.default_rng(1).standard_normal(900)
     fit = ifrfit.fit(
-        folder_of(tmp_path / "all", pd.DataFrame({"e_n": e_n, "sigma_e_n": 0.1}), 3), method="lsq"
+        folder_of(tmp_path / "all", pd.DataFrame({"e_n": e_n, "speed_m_s": 2.0}), 3), method="lsq"
     )
     fact = fit.facts["truncation"]
     assert fact.figures["missing"] == np.count_nonzero(e_n < 0.0)

@@ -1,0 +1,116 @@
+"""Readings below zero of what has no negative value: noise makes them where the value is near its noise.
+
+A rebound seen through noise is read as often above itself as below, and at grazing incidence, or of a surface
+that gives hardly any back, some readings of v_n and e_n come out negative. They belong to the sample: to
+leave them out, and keep those as far above, moves the constants. So a reading is one of noise where it lies
+no further below zero than errors reach, by its stated uncertainty. Where none is stated it lies no further
+below the law of its series, constant times slope by least absolute deviations, which fewer readings of a
+wrong sign than half do not move, by the scatter about it. A table that has them negative on the whole has
+its sign, or its axis, the other way round.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.schema import BY_NOISE
+from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.observable import Observable
+
+Mask = NDArray[np.bool_]
+
+FURTHEST = 5.0  # standard uncertainties: one normal error of 3,000,000 reaches as far to one side
+_ON_THE_WHOLE = -4.0  # standard errors of the constant that the readings make, from which their sign is wrong
+FEWEST = 5  # readings whose scatter tells something
+_MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
+_KINDS = ("normal", "friction")  # a constant times a slope; |v| is a size, and no noise makes it negative
+
+
+def has_sign(observable: Observable) -> bool:
+    """Whether readings of an observable that is never negative have a sign, which noise can turn."""
+    return observable.low == 0.0 and observable.kind in _KINDS
+
+
+def within_errors(observable: Observable, value: Array, sigma: Array) -> Mask:
+    """Which values noise of the stated uncertainty carries below zero; none where it is nan."""
+    if not has_sign(observable):
+        return np.zeros(value.shape, dtype=bool)
+    return np.asarray((value < 0.0) & (value > -BY_NOISE) & (value >= -FURTHEST * sigma))
+
+
+def made_by_noise(
+    observable: Observable,
+    value: Array,
+    gamma_deg: Array,
+    sigma: Array,
+    series: NDArray[np.str_] | None = None,
+) -> Mask:
+    """Which readings below zero noise explains.
+
+    Parameters
+    ----------
+    observable : Observable
+    value, gamma_deg, sigma : ndarray, (n,)
+        Uncertainties, and values, that are not known are nan; so may angles be that the law does not need.
+    series : ndarray of str, (n,), optional
+        Of each reading; without it all are of one.
+
+    Returns
+    -------
+    ndarray of bool, (n,)
+    """
+    found = np.zeros(value.shape, dtype=bool)
+    below = np.asarray((value < 0.0) & (value > -BY_NOISE))
+    if not below.any() or not has_sign(observable):
+        return found
+    slope = _slope(observable, gamma_deg)
+    labels = np.zeros(value.size, dtype=np.intp)
+    if series is not None:
+        labels = np.unique(series, return_inverse=True)[1]
+    for label in np.unique(labels[below]):
+        own = np.flatnonzero((labels == label) & np.isfinite(value))
+        found[own] = _of_one_series(observable, value[own], slope[own], sigma[own])
+    return found
+
+
+def series_of(layout: Layout) -> NDArray[np.str_] | None:
+    """Name of the series of each row of a table; None where all are of one."""
+    return np.array(layout.texts("series")) if layout.has("series") else None
+
+
+def _slope(observable: Observable, gamma_deg: Array) -> Array:
+    """The law over its constant."""
+    if observable.by_e_n is None:
+        return np.ones(gamma_deg.shape)
+    return np.asarray(observable.by_e_n(Incidence.of(np.nan_to_num(gamma_deg), degrees=True)))
+
+
+def _of_one_series(observable: Observable, value: Array, slope: Array, sigma: Array) -> Mask:
+    stated = sigma > 0.0
+    constant, scatter = (0.0, 0.0) if stated.all() else _law(value, slope)
+    error = np.where(stated, sigma, scatter)
+    # 0 where uncertainties are stated: a stream knows of no other law when it reads them
+    law = np.where(stated, 0.0, max(constant, 0.0) * slope)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z, weight = value / error, slope / error
+    there = error > 0.0
+    norm = float(np.linalg.norm(weight[there]))
+    is_negative = float(z[there] @ weight[there]) < _ON_THE_WHOLE * norm
+    if is_negative:
+        return np.zeros(value.shape, dtype=bool)
+    return within_errors(observable, value, error) & (value - law >= -FURTHEST * error)
+
+
+def _law(value: Array, slope: Array) -> tuple[float, float]:
+    """Constant of least absolute deviations, and the scatter about it; 0 where too few tell it."""
+    there = slope > 0.0
+    if np.count_nonzero(there) < FEWEST:
+        return 0.0, 0.0
+    value, slope = value[there], slope[there]
+    quotient = value / slope
+    order = np.argsort(quotient, kind="stable")
+    weight = np.cumsum(slope[order])
+    constant = float(quotient[order][np.searchsorted(weight, 0.5 * weight[-1])])
+    return constant, float(_MAD * np.median(np.abs(value - constant * slope)))
