@@ -3,10 +3,10 @@
 A rebound seen through noise is read as often above itself as below, and at grazing incidence, or of a surface
 that gives hardly any back, some readings of v_n and e_n come out negative. They belong to the sample: to
 leave them out, and keep those as far above, moves the constants. So a reading is one of noise where it lies
-no further below zero than errors reach, by its stated uncertainty. Where none is stated it lies no further
-below the law of its series, constant times slope by least absolute deviations, which fewer readings of a
-wrong sign than half do not move, by the scatter about it. A table that has them negative on the whole has
-its sign, or its axis, the other way round.
+no further below zero than errors reach, by its stated uncertainty, or where none is stated by the scatter of
+its series about the law, constant times slope by least absolute deviations, which fewer readings of a wrong
+sign than half do not move. A table that has them negative on the whole has its sign, or its axis, the other
+way round; one that is far from the law is an outlier, which the fit tells.
 """
 
 from __future__ import annotations
@@ -71,7 +71,9 @@ def made_by_noise(
         labels = np.unique(series, return_inverse=True)[1]
     for label in np.unique(labels[below]):
         own = np.flatnonzero((labels == label) & np.isfinite(value))
-        found[own] = _of_one_series(observable, value[own], slope[own], sigma[own])
+        error = np.where(sigma[own] > 0.0, sigma[own], _scatter(value[own], slope[own]))
+        if not _is_negative(value[own], slope[own], error):
+            found[own] = within_errors(observable, value[own], error)
     return found
 
 
@@ -87,30 +89,21 @@ def _slope(observable: Observable, gamma_deg: Array) -> Array:
     return np.asarray(observable.by_e_n(Incidence.of(np.nan_to_num(gamma_deg), degrees=True)))
 
 
-def _of_one_series(observable: Observable, value: Array, slope: Array, sigma: Array) -> Mask:
-    stated = sigma > 0.0
-    constant, scatter = (0.0, 0.0) if stated.all() else _law(value, slope)
-    error = np.where(stated, sigma, scatter)
-    # 0 where uncertainties are stated: a stream knows of no other law when it reads them
-    law = np.where(stated, 0.0, max(constant, 0.0) * slope)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        z, weight = value / error, slope / error
+def _is_negative(value: Array, slope: Array, error: Array) -> bool:
+    """Whether the constant that readings make by weighted least squares is far below zero."""
     there = error > 0.0
-    norm = float(np.linalg.norm(weight[there]))
-    is_negative = float(z[there] @ weight[there]) < _ON_THE_WHOLE * norm
-    if is_negative:
-        return np.zeros(value.shape, dtype=bool)
-    return within_errors(observable, value, error) & (value - law >= -FURTHEST * error)
+    z, weight = value[there] / error[there], slope[there] / error[there]
+    return float(z @ weight) < _ON_THE_WHOLE * float(np.linalg.norm(weight))
 
 
-def _law(value: Array, slope: Array) -> tuple[float, float]:
-    """Constant of least absolute deviations, and the scatter about it; 0 where too few tell it."""
+def _scatter(value: Array, slope: Array) -> float:
+    """Standard deviation of one reading about constant times slope; 0 where too few tell it."""
     there = slope > 0.0
     if np.count_nonzero(there) < FEWEST:
-        return 0.0, 0.0
+        return 0.0
     value, slope = value[there], slope[there]
     quotient = value / slope
     order = np.argsort(quotient, kind="stable")
     weight = np.cumsum(slope[order])
-    constant = float(quotient[order][np.searchsorted(weight, 0.5 * weight[-1])])
-    return constant, float(_MAD * np.median(np.abs(value - constant * slope)))
+    constant = quotient[order][np.searchsorted(weight, 0.5 * weight[-1])]
+    return float(_MAD * np.median(np.abs(value - constant * slope)))

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
-from ifrfit.data.readings_below_zero import FEWEST, FURTHEST, has_sign, made_by_noise, series_of, within_errors
+from ifrfit.data.readings_below_zero import (
+    FEWEST,
+    FURTHEST,
+    has_sign,
+    made_by_noise,
+    series_of,
+    within_errors,
+)
 from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.data.table_forms import Piece
 from ifrfit.errors import DataError
@@ -103,10 +110,10 @@ def _broken_rules(piece: Piece, layout: Layout) -> Iterator[tuple[str, Mask, str
             yield (
                 "value",
                 here & outside & (value < 0.0) & (value > -BY_NOISE),
-                f"{{}} is impossible for {name} ({observable.low:g} to {observable.high:g}), and no noise: that "
-                f"reaches {FURTHEST:g} sigma below 0 (without sigma as many times the scatter of {FEWEST} "
-                "readings or more below their law), and not on the whole. Correct it or its sign, or state the "
-                "sigma of its noise; left out alone, what remains is too large.",
+                f"{{}} is impossible for {name} ({observable.low:g} to {observable.high:g}), and no noise: "
+                f"that reaches {FURTHEST:g} sigma below 0 (where none is stated, {FURTHEST:g} times the "
+                f"scatter of {FEWEST} readings or more), and not on the whole. Correct it or its sign, or state "
+                "the sigma of its noise; left out alone, what remains is too large.",
             )
         yield (
             "value",
@@ -132,7 +139,9 @@ def _by_noise(observable: Observable, here: Mask, piece: Piece, layout: Layout) 
     columns = {name: piece.columns[name][at] for name in ("value", "gamma_deg", "sigma")}
     series = series_of(layout)
     found = np.zeros(here.shape, dtype=bool)
-    found[at] = made_by_noise(observable, **columns, series=None if series is None else series[piece.rows[at]])
+    found[at] = made_by_noise(
+        observable, **columns, series=None if series is None else series[piece.rows[at]]
+    )
     return found
 
 

@@ -32,7 +32,7 @@ from ifrfit.inference.diagnostics.second_readings import second_readings
 from ifrfit.inference.diagnostics.sigma_of_few import sigma_of_few
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS
-from ifrfit.inference.diagnostics.truncation import truncation
+from ifrfit.inference.diagnostics.truncation import truncation, truncation_at_zero
 from ifrfit.inference.diagnostics.unrelated_readings import unrelated_readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -50,6 +50,20 @@ _OF_THE_TABLE = (*_OF_WRITING, "outliers")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _SHARED_IMPACTS = ("duplicates", "second_readings")  # by which an impact counts more than once
 _CAUSES = ("slips", "effects")
+_FEIGNED = ("slips", "effects")  # causes that readings which end at 0 look like
+_OF_A_CUT = (
+    "pooling",
+    "prior_conflict",
+    "normal_restitution",
+    "lack_of_fit",
+    "predictive",
+    "repeats",
+    "independence",
+    "outliers",
+    "unequal_noise",
+    "scatter_too_small",
+    "scatter_too_large",
+)
 _OF_COPIES = ("lack_of_fit", "predictive", "normal_restitution", "repeats", "independence", "effects")
 _OF_SLIPS = ("outliers", "scatter_too_small", "scatter_too_large")
 _DECISIVE = 100.0  # fall of -2 log L by a slip, beyond which outliers are of the slip rather than it of them
@@ -156,6 +170,8 @@ def misfit_facts(
     """
     named = [name for key, fact in causes.items() if key in _CAUSES for name in fact.figures["called"]]
     so_far = _Findings(dict(causes), named)
+    if not brief:
+        _before_what_a_cut_feigns(so_far, truncation_at_zero(problem, found))
     _of_constants(so_far, problem, found, brief)
     if not brief:
         so_far.tell("left_out_readings", left_out_readings(problem, found))
@@ -202,7 +218,9 @@ def subordinate(facts: Mapping[str, Fact]) -> dict[str, Fact]:
         first = slips.figures["tests"].get(slips.figures["called"][0], {})
         decisive = first.get("drop", 0.0) > _DECISIVE
     copied, again = (name in facts and not facts[name].ok for name in ("duplicates", "second_readings"))
+    cut = "truncation" in facts and "constant" in facts["truncation"].figures
     for holds, names, words in (
+        (cut, _OF_A_CUT, "may follow from the readings below 0 that look left out: give these first"),
         (copied, _OF_COPIES, "may follow from the rows that count twice: leave these out first"),
         (again, _OF_COPIES, "may follow from impacts that were read twice: give one reading of each first"),
         (decisive, _OF_SLIPS, "may follow from the slip: mend it first"),
@@ -243,6 +261,32 @@ def _of_constants(so_far: _Findings, problem: Problem, found: LeastSquaresFit, b
     if not so_far.has_slipped and so_far.tell("unrelated_readings", unrelated_readings(problem, found)):
         so_far.withdraw("effects", "pooling")
         so_far.causes = ["order"]
+
+
+def _before_what_a_cut_feigns(so_far: _Findings, cut: Fact | None) -> None:
+    """Tell readings that end at 0 before a slip or an effect that explains no more than the end does.
+
+    What explains as much is named beside it; what explains more is told in its place.
+    """
+    if cut is None:
+        return
+    fall = cut.figures["drop"]
+    rivals = {name: _fall_of(so_far.facts[name]) for name in _FEIGNED if so_far.fails(name)}
+    if max(rivals.values(), default=-math.inf) > fall + ALIKE:
+        return
+    alike = [so_far.facts[name].says for name, other in rivals.items() if other > fall - ALIKE]
+    so_far.withdraw(*rivals)
+    so_far.facts["truncation"] = replace(cut, says="; else ".join([cut.says, *alike]))
+    so_far.causes = ["cut"]
+
+
+def _fall_of(fact: Fact) -> float:
+    """What the cause that a fact names first takes off -2 log likelihood."""
+    figures = fact.figures
+    if "drop" in figures:
+        return float(figures["drop"])
+    called = figures.get("called", [])
+    return max((float(figures["tests"][name]["drop"]) for name in called[:1]), default=0.0)
 
 
 def _before_slip(so_far: _Findings) -> None:
@@ -321,7 +365,7 @@ def _of_rows(so_far: _Findings, problem: Problem, found: LeastSquaresFit, residu
         if kinds is not None and kinds.figures["drop"] > by_scatter + ALIKE:
             so_far.tell("mixture", kinds)
             so_far.withdraw("growing_scatter", "scatter_by_angle")
-    if not so_far.fails(*_MISFIT, *_OF_THE_TABLE, *_OF_SCATTER, "mixture"):
+    if not so_far.fails(*_MISFIT, *_OF_THE_TABLE, *_OF_SCATTER, "mixture", "truncation"):
         sharp = truncation(problem, found)
         # beyond the cut of a plateau is less scatter than beside it; and a noise that grows is skewed
         more = math.inf if sharp is None else sharp.figures["drop"] - by_scatter

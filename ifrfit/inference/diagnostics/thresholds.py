@@ -24,6 +24,7 @@ TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
 TIMES_GIVEN = 0.3
 MOST_MISSING = 5.0
+MOVES = 0.25  # sd of a constant by which readings that end at 0 move it, from which they are told
 RANGE_OF_SPEEDS = 1.2  # of the largest over the smallest, from which something is asked of them
 TINY_FRICTION = 0.005  # mu of no dry contact
 FRICTION_OF_NO_CONTACT = 10.0  # nor is that
@@ -193,9 +194,15 @@ FACTS = {
     f"number of ends of observables, is below {REFUTED:g}, the noise taken from its own rows; of e_n also "
     f"where errors cut off at 1 make {TIMES_GIVEN:g} times exp(-fall/2) so small; the law runs through the "
     f"readings beside the end, and of none more than {MOST_MISSING:g} times as many are missing "
-    "as are there (errors are skewed then); looked for where nothing else is found; of data that are not "
-    "held in memory also where values were left out less than 1 below the least one that can be, whose "
-    "sum of slope/sigma is a tenth of the root of the sum of slope^2/sigma^2 of those used, or more",
+    "as are there (errors are skewed then); looked for where nothing else is found. Errors of v_n, e_n or mu "
+    "that are cut off at 0 are looked for beside whatever is found, and stand where "
+    f"{TIMES_GIVEN:g} times exp(-fall/2), times the number of these observables, is as small, a constant "
+    f"moves by {MOVES:g} sd, they take {ALIKE:g} more than a noise that grows with the law and no slip or "
+    f"effect takes {ALIKE:g} more than they do, and normal scores of the readings follow no cubic of the angle "
+    "or the speed and no series, in mean or square, and are normal (Jarque-Bera; the least p, times their "
+    f"number, over {BESIDE:g}). Of data that are not held in memory also where values were left out less than "
+    "1 below the least one that can be, whose sum of slope/sigma is a tenth of the root of the sum of "
+    "slope^2/sigma^2 of those used, or more",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal; or three readings or more of any observable, twice "
     f"as many as of any other number, are the mean of all others (p < {REFUTED:g} by rounding and noise, "

@@ -47,9 +47,9 @@ def cut_readings(of: Accumulated) -> Fact | None:
         if of.stream.has_sigma:
             beyond, give = f" by more than {FURTHEST:g} sigma", "Correct them or their sigma; or leave"
         says = (
-            f"{count:,} values of {name} below {low:g}{beyond}, down to {least:.3g}, were left out as impossible, "
-            f"and those as far above are used: where noise makes them, the constants follow it. {give} out "
-            f"whole settings, not readings: {' or '.join(remedies) or 'those at which noise reaches the end'}"
+            f"{count:,} values of {name} below {low:g}{beyond}, down to {least:.3g}, were left out as "
+            "impossible, and those as far above are used: where noise makes them, the constants follow it. "
+            f"{give} out whole settings, not readings: {' or '.join(remedies) or 'those at which noise reaches the end'}"
         )
         return Fact(False, says, {"observable": name, "end": low, "missing": count}, FACTS["truncation"])
     return None

@@ -1,4 +1,4 @@
-"""Readings that noise carries below zero: used where sigma explains them, else left out of a stream, and told."""
+"""Readings that noise carries below zero: a stream uses those that sigma explains, and tells the others."""
 
 from __future__ import annotations
 
