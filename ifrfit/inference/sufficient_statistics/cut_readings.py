@@ -49,7 +49,8 @@ def cut_readings(of: Accumulated) -> Fact | None:
         says = (
             f"{count:,} values of {name} below {low:g}{beyond}, down to {least:.3g}, were left out as "
             "impossible, and those as far above are used: where noise makes them, the constants follow it. "
-            f"{give} out whole settings, not readings: {' or '.join(remedies) or 'those at which noise reaches the end'}"
+            f"{give} out whole settings, not readings: "
+            f"{' or '.join(remedies) or 'those at which noise reaches the end'}"
         )
         return Fact(False, says, {"observable": name, "end": low, "missing": count}, FACTS["truncation"])
     return None
