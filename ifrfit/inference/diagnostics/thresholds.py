@@ -200,9 +200,9 @@ FACTS = {
     f"moves by {MOVES:g} sd, they take {ALIKE:g} more than a noise that grows with the law and no slip or "
     f"effect takes {ALIKE:g} more than they do, and normal scores of the readings follow no cubic of the "
     "angle or the speed and no series, in mean or square, and are normal (Jarque-Bera; the least p, times "
-    f"their number, over {BESIDE:g}). Of data that are not held in memory also where values were left out less "
-    "than 1 below the least one that can be, whose sum of slope/sigma is a tenth of the root of the sum of "
-    "slope^2/sigma^2 of those used, or more",
+    f"their number, over {BESIDE:g}). Of data that are not held in memory also where values were left out "
+    "less than 1 below the least one that can be, whose sum of slope/sigma is a tenth of the root of the sum "
+    "of slope^2/sigma^2 of those used, or more",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal; or three readings or more of any observable, twice "
     f"as many as of any other number, are the mean of all others (p < {REFUTED:g} by rounding and noise, "

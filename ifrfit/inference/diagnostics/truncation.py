@@ -124,6 +124,8 @@ def truncation_at_zero(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         None where the law with errors that are cut off at 0 describes no observable better. Its figure
         ``drop`` is the fall of -2 log likelihood at the noise of the problem, as those of slips are.
     """
+    if not problem.error_model.is_plain:
+        return None
     signed = [each.name for each in problem.rows.observables if has_sign(each)]
     ends = [cut for name in signed if (cut := _cut_at_zero(problem, found, name)) is not None]
     best = max(ends, key=lambda cut: cut.gain, default=None)
