@@ -192,6 +192,7 @@ def _chosen(gamma: Bits, value: Bits, most: int) -> tuple[Bits, Index]:
         turned = (value[i] << np.uint64(21)) | (value[i] >> np.uint64(43))
         z = (gamma[i] + turned) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(32))) * np.uint64(0xBF58476D1CE4E5B9)
-        lots[count], rows[count] = z, i
-        count += z <= most
+        if z <= most:
+            lots[count], rows[count] = z, i
+            count += 1
     return lots[:count], rows[:count]

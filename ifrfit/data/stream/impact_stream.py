@@ -212,6 +212,11 @@ class ImpactStream:
         """How many rows the files have, from what they say of themselves or their size."""
         return sum(piece.rows for piece in self._pieces())
 
+    @property
+    def is_counted(self) -> bool:
+        """Whether all files say how many rows they have."""
+        return not any(is_text(piece.path) for piece in self._pieces())
+
     def _pieces(self) -> Iterator[Piece]:
         return (piece for portion in self.portions for piece in portion)
 

@@ -110,7 +110,8 @@ class Accumulated:
     @classmethod
     def nothing(cls, stream: ImpactStream, weighted: bool, intervals: Intervals, window: Mask) -> Accumulated:
         """Of no impacts; `window` are the intervals whose rows are to be kept, (bins,)."""
-        sample, copies = Sample(Sample.below_of(stream.rows)), CopiedRows(CopiedRows.below_of(stream.rows))
+        sample = Sample(Sample.below_of(stream.rows, counted=stream.is_counted))
+        copies = CopiedRows(CopiedRows.below_of(stream.rows))
         moments = Moments.nothing(0, intervals.count)
         return cls(stream, weighted, intervals, Tally(), moments, [], sample, copies, WindowRows(window))
 

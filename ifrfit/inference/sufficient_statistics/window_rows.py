@@ -112,8 +112,9 @@ def _whole(column: NDArray[Any]) -> NDArray[Any]:
 def _in_intervals(part: Part, intervals: Mask) -> Index:
     """Rows that lie in some intervals of their series, (series, bins)."""
     place = _whole(part[_PLACE])
-    inside = intervals[0][place] if len(intervals) == 1 else intervals[_whole(part[_SERIES]), place]
-    return np.flatnonzero(inside)
+    if len(intervals) == 1:
+        return compiled(_inside)(*map(read_only, (place.astype(np.int32, copy=False), intervals[0])))
+    return np.flatnonzero(intervals[_whole(part[_SERIES]), place])
 
 
 def _chosen(part: Part, rows: Index) -> Array:
