@@ -80,7 +80,8 @@ def integral_up_to(coefficients: Array, v: Array) -> Array:
     """Integral from 0 to v in [0, 1], from the coefficients of the antiderivative along the last axis."""
     y = 2.0 * v - 1.0
     if y.size <= _FEW:  # all polynomials at once
-        return np.vecdot(coefficients, np.cos(_orders(coefficients.shape[-1]) * np.arccos(y)[..., None]))
+        polynomials = np.cos(_orders(coefficients.shape[-1]) * np.arccos(y)[..., None])
+        return np.asarray(np.vecdot(coefficients, polynomials))
     shape = np.broadcast_shapes(coefficients.shape[:-1], v.shape)
     return _clenshaw(lambda j: coefficients[..., j], coefficients.shape[-1], y, shape)
 
