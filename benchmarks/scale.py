@@ -235,9 +235,7 @@ def least(rows: list[tuple[str, str, str]], n: int, path: Path) -> list[Measured
         for each, (what, body, method) in zip(found, rows, strict=True):
             if number == 0 or n <= 10_000_000 or what in _AGAIN:
                 each.append(run(body, n, path, method))
-    return [
-        (min(m[0] for m in each), min(m[1] for m in each), max(m[2] for m in each)) for each in found
-    ]
+    return [(min(m[0] for m in each), min(m[1] for m in each), max(m[2] for m in each)) for each in found]
 
 
 def run(body: str, n: int, path: Path, method: str = "") -> Measured:

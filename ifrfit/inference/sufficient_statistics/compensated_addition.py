@@ -59,9 +59,7 @@ def use_vectors() -> None:
             before, rest = (builder.load(place, align=8) for place in places)
             total = builder.fadd(before, term)
             part = builder.fsub(total, before)
-            lost = builder.fadd(
-                builder.fsub(before, builder.fsub(total, part)), builder.fsub(term, part)
-            )
+            lost = builder.fadd(builder.fsub(before, builder.fsub(total, part)), builder.fsub(term, part))
             builder.store(total, places[0], align=8)
             builder.store(builder.fadd(rest, lost), places[1], align=8)
             return context.get_dummy_value()
