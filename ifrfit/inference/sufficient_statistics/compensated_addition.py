@@ -1,7 +1,7 @@
 """Additions to neighbouring sums that keep what rounding takes off, by the processor's vectors.
 
-Each sum is an unevaluated pair of doubles (Knuth 1969, The Art of Computer Programming 2, 4.2.2). Of additions
-written one after another numba makes as many instructions; said to be one of vectors, they are one.
+Each sum is an unevaluated pair of doubles (Knuth 1969, The Art of Computer Programming 2, 4.2.2). Of
+additions written one after another numba makes as many instructions; said to be one of vectors, they are one.
 """
 
 from __future__ import annotations
