@@ -52,6 +52,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NO_ROWS = np.empty(0, dtype=np.intp)
+_KEPT = 1 << 20  # numbers: some columns of a batch
 _IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
@@ -228,6 +229,9 @@ class ImpactStream:
         DataError
             A file cannot be read, or changed since it was parted, or a column is not a column of numbers.
         """
+        # glibc's malloc keeps what arrays leave that are no larger than one it has had back: else the pages of
+        # each batch are made anew
+        np.empty(_KEPT)
         for piece in portion:
             seen_rows = 0
             piece.check_unchanged()

@@ -123,8 +123,7 @@ class PlainRows:
                 return None
             values = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             values = read_only(values)
-            missing, tiny, *bits = compiled(_ends)(values.view(np.int64))
-            least, most = np.array(bits, dtype=np.int64).view(np.float64).tolist()
+            missing, tiny, least, most = ends_of(values)
             size = max(abs(least), abs(most)) if missing < values.size else -1.0
             # larger values than short codes beside these show that they are values, too
             is_odd = size >= 0.0 and (least < low or most > high or _SHORT[0] <= size <= _SHORT[1])
@@ -169,12 +168,20 @@ def _stands_as_it_is(column: LayoutColumn) -> bool:
     return column.sign == 1.0 and UNITS[column.unit][1] == 1.0
 
 
-def _ends(bits: NDArray[np.int64]) -> tuple[int, int, int, int]:
-    """How many numbers are missing, how many tinier than `TINY`, and the least and the largest number.
+def ends_of(values: Array) -> tuple[int, int, float, float]:
+    """How many numbers are missing, how many tinier than `TINY`, and the least and the largest number."""
+    missing, tiny, *places = compiled(_ends)(values.view(np.int64))
+    ends = _ordered(np.array(places, dtype=np.int64)).view(np.float64)
+    return missing, tiny, float(ends[0]), float(ends[1])
 
-    All as the bits of doubles: those of sizes stand in the order of these, and those of negative numbers in
-    the opposite one.
-    """
+
+def _ordered(bits: Any) -> Any:
+    """The bits of doubles as integers of the same order, and back: those of negative ones are turned round."""
+    return bits ^ ((bits >> 63) & _SIZE)
+
+
+def _ends(bits: NDArray[np.int64]) -> tuple[int, int, int, int]:
+    # what is found is turned into numbers elsewhere: here numba would take the rows one by one for it
     missing, tiny = 0, 0
     least, most = _SIZE, -_SIZE - 1
     for i in range(bits.size):
@@ -185,7 +192,7 @@ def _ends(bits: NDArray[np.int64]) -> tuple[int, int, int, int]:
         ordered = bits[i] ^ ((bits[i] >> 63) & _SIZE)
         least = min(least, _SIZE if is_missing else ordered)
         most = max(most, -_SIZE - 1 if is_missing else ordered)
-    return missing, tiny, least ^ ((least >> 63) & _SIZE), most ^ ((most >> 63) & _SIZE)
+    return missing, tiny, least, most
 
 
 def _all_move(slip_x: Array, slip_y: Array, spin_x: Array, spin_y: Array) -> bool:

@@ -15,7 +15,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.selection import Selection
 from ifrfit.data.stream import table_batches
 from ifrfit.data.stream.impact_stream import ImpactStream
-from ifrfit.data.stream.plain_rows import PlainRows, _ends
+from ifrfit.data.stream.plain_rows import PlainRows, ends_of
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
@@ -163,10 +163,6 @@ def test_columns_that_need_more_than_to_be_read(tmp_path, monkeypatch, change, k
 )
 def test_ends_of_a_column_are_those_of_its_numbers(values):
     values = np.array(values)
-    missing, tiny, *bits = _ends(values.view(np.int64))
-    assert (missing, tiny) == (0, 0)
-    assert tuple(np.array(bits, dtype=np.int64).view(float)) == (values.min(), values.max())
+    assert ends_of(values) == (0, 0, values.min(), values.max())
     gaps = np.concatenate(([np.nan], values, [-np.nan, 1e-61, -1e-70, 0.0]))
-    missing, tiny, *bits = _ends(gaps.view(np.int64))
-    assert (missing, tiny) == (2, 2)
-    assert tuple(np.array(bits, dtype=np.int64).view(float)) == (np.nanmin(gaps), np.nanmax(gaps))
+    assert ends_of(gaps) == (2, 2, np.nanmin(gaps), np.nanmax(gaps))
