@@ -26,6 +26,7 @@ from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows, same_in_all
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
+from ifrfit.data.stream.read_ahead import read_ahead
 from ifrfit.data.stream.refusals import (
     refuse_other_columns,
     refuse_same_rows,
@@ -238,7 +239,7 @@ class ImpactStream:
             layout: Layout | None = None
             plain: PlainRows | None = None
             excluded = self._excluded_in(piece)
-            for batch in _reading(piece):
+            for batch in read_ahead(_reading(piece)):
                 if batch.num_rows:
                     if layout is None:
                         cells = cells_of(batch, piece.path, 0)

@@ -47,9 +47,8 @@ class Sample:
 
     @staticmethod
     def below_of(rows: int, *, counted: bool) -> int:
-        """The lot below which enough of so many rows lie, though some are left out, or fewer than guessed."""
-        spare = _SPARE_OF_COUNTED if counted else _SPARE
-        return min(2**64 - 1, (2**64 // max(rows, 1)) * round(SAMPLE * spare))
+        """See `lot_of_some`."""
+        return lot_of_some(SAMPLE, rows, counted=counted)
 
     def draw(
         self, batch: pa.RecordBatch, layout: Layout, number: int, first: int, usable: NDArray[np.bool_]
@@ -116,6 +115,20 @@ class Sample:
             return cls(below)
         table = pa.ipc.open_stream(rows.tobytes()).read_all().combine_chunks()
         return cls(below, [(lots, table.to_batches()[0])])
+
+
+def lot_of_some(some: int, rows: int, *, counted: bool) -> int:
+    """The lot below which those of some rows lie, though rows are left out, or are fewer than was guessed.
+
+    Parameters
+    ----------
+    some, rows : int
+        How many, of how many.
+    counted : bool
+        Whether that is no guess.
+    """
+    spare = _SPARE_OF_COUNTED if counted else _SPARE
+    return min(2**64 - 1, (2**64 // max(rows, 1)) * round(some * spare))
 
 
 def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
