@@ -7,12 +7,14 @@ columns with pyarrow; what is done with rows from memory; the whole fit; the sum
 DuckDB and by Polars, none of them with its start; pandas and lmfit; scipy on the full arrays; two worker
 processes. The fit, and that by pandas and lmfit, are also measured when they run again in the same process.
 CPU seconds (of the process itself), seconds, and its peak memory, as a table in Markdown; ratios are what it
-is about. Of sizes up to 1e7 each is the least of several rounds, taken in turns.
+is about. Of sizes up to 1e7 each is the least of several rounds, taken in turns; of larger ones so is the fit
+that runs again in the same process, by which the last lines tell what one impact more costs.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import subprocess
@@ -228,14 +230,12 @@ _ROUNDS = 3
 
 def least(rows: list[tuple[str, str, str]], n: int, path: Path) -> list[Measured]:
     """The least CPU seconds and seconds, and the largest memory, of rounds taken in turns."""
-    found = [
-        [run(body, n, path, method) for _, body, method in rows]
-        for _ in range(_ROUNDS if n <= 10_000_000 else 1)
-    ]
-    return [
-        (min(m[0] for m in each), min(m[1] for m in each), max(m[2] for m in each))
-        for each in zip(*found, strict=True)
-    ]
+    found: list[list[Measured]] = [[] for _ in rows]
+    for number in range(_ROUNDS):
+        for each, (what, body, method) in zip(found, rows, strict=True):
+            if number == 0 or n <= 10_000_000 or what in _AGAIN:
+                each.append(run(body, n, path, method))
+    return [(min(m[0] for m in each), min(m[1] for m in each), max(m[2] for m in each)) for each in found]
 
 
 def run(body: str, n: int, path: Path, method: str = "") -> Measured:
@@ -275,6 +275,7 @@ def main() -> None:
         ):
             says = f"{what}: {2.0 / seconds:.0f} million a second"
             print(f"| 2e6 | {says} | {seconds:.3f} | {elapsed:.3f} | |", flush=True)
+        cost_again: list[tuple[str, float]] = []
         for number, size in enumerate(given.sizes):
             n, path = int(float(size)), Path(folder) / f"{size}.parquet"
             run(_MADE, n, path)
@@ -302,6 +303,7 @@ def main() -> None:
                 run(_FIT, n, path, "exact")  # what numba keeps is kept
             found = least(rows, n, path)
             again = {what: seconds for (what, *_), (seconds, *_) in zip(rows, found, strict=True)}
+            cost_again.append((size, again[_AGAIN[0]]))
             for (what, *_), (seconds, elapsed, memory) in zip(rows, found, strict=True):
                 says = what
                 if what == _AGAIN[1]:
@@ -317,6 +319,9 @@ def main() -> None:
                 ((seconds, elapsed, memory),) = least([(says, _FIT, "exact")], n, text)
                 print(f"| {size} | {says} | {seconds:.2f} | {elapsed:.2f} | {memory:.2f} |", flush=True)
             path.unlink()
+        for (size, seconds), (larger, more) in itertools.pairwise(cost_again):
+            each = 1e6 * (more - seconds) / (float(larger) - float(size))
+            print(f"\nfrom {size} to {larger} in one process an impact more costs {each:.4f} us", flush=True)
 
 
 if __name__ == "__main__":

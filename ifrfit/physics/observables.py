@@ -6,6 +6,8 @@ tables of data, the methods of inference and the panel of the report all take it
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ifrfit.physics.angles import Array, Incidence
@@ -26,7 +28,12 @@ FREE = 1e6
 
 def _in_all(value: float, i: Incidence) -> Array:
     """The same in all impacts: one number, however many they are."""
-    return np.broadcast_to(value, np.shape(i.sine))
+    return _of_shape(value, np.shape(i.sine))
+
+
+@lru_cache(maxsize=64)
+def _of_shape(value: float, shape: tuple[int, ...]) -> Array:
+    return np.broadcast_to(value, shape)
 
 
 def _tan_psi(i: Incidence, j: float) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.stream.sample import lot_of_some
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
 
@@ -21,7 +22,6 @@ Index = NDArray[np.intp]
 Bits = NDArray[np.uint64]
 
 KEPT = 4096  # different impacts
-_SPARE = 4  # a guess of how many rows there are may be so many times too large
 _NOWHERE = np.uint64(2**64 - 1)
 _FIRST, _AGAIN, _COUNT = range(3)
 SETTING = 3  # columns of an impact before its values: angle and spins
@@ -56,9 +56,9 @@ class CopiedRows:
     waiting: list[tuple[Bits, Bits, Array]] = field(default_factory=list)
 
     @staticmethod
-    def below_of(rows: int) -> int:
-        """The lot below which enough of so many rows lie."""
-        return min(2**64 - 1, (2**64 // max(rows, 1)) * KEPT * _SPARE)
+    def below_of(rows: int, *, counted: bool) -> int:
+        """See `ifrfit.data.stream.sample.lot_of_some`."""
+        return lot_of_some(KEPT, rows, counted=counted)
 
     def add(self, setting: tuple[Array, Array, Array], columns: Sequence[Array], first: int) -> None:
         """Count some rows.
@@ -192,6 +192,7 @@ def _chosen(gamma: Bits, value: Bits, most: int) -> tuple[Bits, Index]:
         turned = (value[i] << np.uint64(21)) | (value[i] >> np.uint64(43))
         z = (gamma[i] + turned) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(32))) * np.uint64(0xBF58476D1CE4E5B9)
-        lots[count], rows[count] = z, i
-        count += z <= most
+        if z <= most:
+            lots[count], rows[count] = z, i
+            count += 1
     return lots[:count], rows[:count]

@@ -26,6 +26,7 @@ from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows, same_in_all
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
+from ifrfit.data.stream.read_ahead import read_ahead
 from ifrfit.data.stream.refusals import (
     refuse_other_columns,
     refuse_same_rows,
@@ -52,6 +53,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _NO_ROWS = np.empty(0, dtype=np.intp)
+_KEPT = 1 << 20  # numbers: some columns of a batch
 _IN_NUMPY = partial(Incidence.of, degrees=True)
 STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
 
@@ -212,6 +214,11 @@ class ImpactStream:
         """How many rows the files have, from what they say of themselves or their size."""
         return sum(piece.rows for piece in self._pieces())
 
+    @property
+    def is_counted(self) -> bool:
+        """Whether all files say how many rows they have."""
+        return not any(is_text(piece.path) for piece in self._pieces())
+
     def _pieces(self) -> Iterator[Piece]:
         return (piece for portion in self.portions for piece in portion)
 
@@ -223,13 +230,16 @@ class ImpactStream:
         DataError
             A file cannot be read, or changed since it was parted, or a column is not a column of numbers.
         """
+        # glibc's malloc keeps what arrays leave that are no larger than one it has had back: else the pages of
+        # each batch are made anew
+        np.empty(_KEPT)
         for piece in portion:
             seen_rows = 0
             piece.check_unchanged()
             layout: Layout | None = None
             plain: PlainRows | None = None
             excluded = self._excluded_in(piece)
-            for batch in _reading(piece):
+            for batch in read_ahead(_reading(piece)):
                 if batch.num_rows:
                     if layout is None:
                         cells = cells_of(batch, piece.path, 0)

@@ -33,6 +33,8 @@ Range = tuple[float, float]
 _MOST = 98.0  # the codes for "not measured" that are no short ones begin above
 _SHORT = (9.0, 10.0)  # between these lie the short ones
 _SIZE = 0x7FFFFFFFFFFFFFFF  # the bits of a double but for its sign
+_INFINITE = 0x7FF0000000000000  # those of infinity; beyond are those of what is no number
+_TINY = int(np.float64(TINY).view(np.int64))
 _NEAR = 1e-9  # degrees from 0 and 90: nearer an observable may have no value
 _MOVES = 4e-12  # of the contact point, over 1 + |spin|: twice that and more of what counts as no motion
 
@@ -48,7 +50,7 @@ class Column(NamedTuple):
     size : float
         Largest size; negative without a value.
     ends : (float, float)
-        Least and largest value; nothing to go by where one is missing.
+        Least and largest value; nothing to go by without one.
     """
 
     values: Array
@@ -121,13 +123,12 @@ class PlainRows:
                 return None
             values = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             values = read_only(values)
-            odd, missing, nines, tens, *bits = compiled(_count)(values, values.view(np.int64), low, high)
+            missing, tiny, least, most = ends_of(values)
+            size = max(abs(least), abs(most)) if missing < values.size else -1.0
             # larger values than short codes beside these show that they are values, too
-            if odd or (nines and not tens) or (missing and key not in OBSERVABLES):
+            is_odd = size >= 0.0 and (least < low or most > high or _SHORT[0] <= size <= _SHORT[1])
+            if tiny or is_odd or (missing and key not in OBSERVABLES):
                 return None
-            size, least, most = np.array(bits, dtype=np.int64).view(np.float64).tolist()
-            if missing:
-                size = float(np.abs(values).max(where=~np.isnan(values), initial=-1.0))
             found[key] = Column(values, bool(missing), size, (least, most))
         return found
 
@@ -167,28 +168,31 @@ def _stands_as_it_is(column: LayoutColumn) -> bool:
     return column.sign == 1.0 and UNITS[column.unit][1] == 1.0
 
 
-def _count(
-    values: Array, bits: NDArray[np.int64], low: float, high: float
-) -> tuple[int, int, int, int, int, int, int]:
-    """How many values are odd, how many missing, how many as large as short codes, and how many larger.
+def ends_of(values: Array) -> tuple[int, int, float, float]:
+    """How many numbers are missing, how many tinier than `TINY`, and the least and the largest number."""
+    missing, tiny, *places = compiled(_ends)(values.view(np.int64))
+    ends = _ordered(np.array(places, dtype=np.int64)).view(np.float64)
+    return missing, tiny, float(ends[0]), float(ends[1])
 
-    And the largest size, the least and the largest value, as their bits: those of sizes stand in the order
-    of these, and those of negative numbers in the opposite one.
-    """
-    odd, missing, nines, tens, size = 0, 0, 0, 0, 0
+
+def _ordered(bits: Any) -> Any:
+    """The bits of doubles as integers of the same order, and back: those of negative ones are turned round."""
+    return bits ^ ((bits >> 63) & _SIZE)
+
+
+def _ends(bits: NDArray[np.int64]) -> tuple[int, int, int, int]:
+    # what is found is turned into numbers elsewhere: here numba would take the rows one by one for it
+    missing, tiny = 0, 0
     least, most = _SIZE, -_SIZE - 1
-    for i in range(values.size):
+    for i in range(bits.size):
         of = bits[i] & _SIZE
-        is_missing = values[i] != values[i]
-        good = values[i] >= low and values[i] <= high and (abs(values[i]) >= TINY or of == 0)
+        is_missing = of > _INFINITE
         missing += is_missing
-        odd += not (good or is_missing)
-        nines += abs(values[i]) >= _SHORT[0]
-        tens += abs(values[i]) > _SHORT[1]
-        size = max(size, of)
+        tiny += (of != 0) & (of < _TINY)
         ordered = bits[i] ^ ((bits[i] >> 63) & _SIZE)
-        least, most = min(least, ordered), max(most, ordered)
-    return odd, missing, nines, tens, size, least ^ ((least >> 63) & _SIZE), most ^ ((most >> 63) & _SIZE)
+        least = min(least, _SIZE if is_missing else ordered)
+        most = max(most, -_SIZE - 1 if is_missing else ordered)
+    return missing, tiny, least, most
 
 
 def _all_move(slip_x: Array, slip_y: Array, spin_x: Array, spin_y: Array) -> bool:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 SAMPLE = 20_000  # impacts that are looked at one by one
 _MIX_A, _MIX_B, _MIX_C = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
-_SPARE = 4  # a guess of how many rows there are may be so many times too large
+_BLOCK = 1024  # lots at once
+_SPARE, _SPARE_OF_COUNTED = 4.0, 1.5  # a guess of how many rows there are may be so many times too large
 
 
 @dataclass
@@ -45,9 +46,9 @@ class Sample:
     most: int = 2**64
 
     @staticmethod
-    def below_of(rows: int) -> int:
-        """The lot below which enough of so many rows lie."""
-        return min(2**64 - 1, (2**64 // max(rows, 1)) * SAMPLE * _SPARE)
+    def below_of(rows: int, *, counted: bool) -> int:
+        """See `lot_of_some`."""
+        return lot_of_some(SAMPLE, rows, counted=counted)
 
     def draw(
         self, batch: pa.RecordBatch, layout: Layout, number: int, first: int, usable: NDArray[np.bool_]
@@ -116,6 +117,20 @@ class Sample:
         return cls(below, [(lots, table.to_batches()[0])])
 
 
+def lot_of_some(some: int, rows: int, *, counted: bool) -> int:
+    """The lot below which those of some rows lie, though rows are left out, or are fewer than was guessed.
+
+    Parameters
+    ----------
+    some, rows : int
+        How many, of how many.
+    counted : bool
+        Whether that is no guess.
+    """
+    spare = _SPARE_OF_COUNTED if counted else _SPARE
+    return min(2**64 - 1, (2**64 // max(rows, 1)) * round(some * spare))
+
+
 def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
     """A random number of each row of a file, the same whenever it is asked for, (n,)."""
     return _lots(number, first, np.ones(n, dtype=bool), 2**64 - 1)[0]
@@ -143,12 +158,18 @@ def _drawn(
 ) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
     # splitmix64, Steele, Lea & Flood (2014), OOPSLA, 453
     lots, rows = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.intp)
+    some = np.empty(_BLOCK, dtype=np.uint64)
     count = 0
     seed = np.uint64(first) + (np.uint64(number) << np.uint64(40))
-    for i in range(n):
-        z = (seed + np.uint64(i) + np.uint64(1)) * np.uint64(_MIX_A)
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX_B)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX_C)
-        lots[count], rows[count] = z ^ (z >> np.uint64(31)), i
-        count += lots[count] <= most and is_free[i]
+    for begin in range(0, n, _BLOCK):
+        here = min(_BLOCK, n - begin)
+        for k in range(here):  # next to one another, so that the processor takes them together
+            z = (seed + np.uint64(begin + k) + np.uint64(1)) * np.uint64(_MIX_A)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX_B)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX_C)
+            some[k] = z ^ (z >> np.uint64(31))
+        for k in range(here):
+            if some[k] <= most and is_free[begin + k]:
+                lots[count], rows[count] = some[k], begin + k
+                count += 1
     return lots[:count], rows[:count]

@@ -41,6 +41,10 @@ class ImpulseRows:
         Of c.
     direct : ndarray, (6,)
         What measures c or kappa on its own adds to the coefficients of chi2: priors, and values of mu.
+    places : ndarray of int, (n,), or None
+        Rows that measure k; None for all.
+    tau : ndarray, (n,)
+        Their slip ratios.
     """
 
     rows: Rows
@@ -50,6 +54,8 @@ class ImpulseRows:
     law: Coefficients
     domain: tuple[float, float]
     direct: Array
+    places: Index | None
+    tau: Array
 
     @classmethod
     def of(cls, group: ParameterGroup) -> ImpulseRows | None:
@@ -75,6 +81,9 @@ class ImpulseRows:
         if not parts:
             return None
         domain = own.lower, own.upper
+        places = None
+        if len(parts) < len(rows.measured):
+            places = np.flatnonzero(rows.is_any_of([observable.name for observable, _ in parts]))
         return cls(
             rows,
             group.weight,
@@ -83,20 +92,9 @@ class ImpulseRows:
             group.coefficients,
             domain,
             _direct_coefficients(group),
+            places,
+            rows.tau if places is None else rows.tau[places],
         )
-
-    @cached_property
-    def places(self) -> Index | None:
-        """Rows that measure k; None for all."""
-        if len(self.parts) == len(self.rows.measured):
-            return None
-        kept = [observable.name for observable, _ in self.parts]
-        return np.flatnonzero(self.rows.is_any_of(kept))
-
-    @cached_property
-    def tau(self) -> Array:
-        """Slip ratios, (n,)."""
-        return self.rows.tau if self.places is None else self.rows.tau[self.places]
 
     def blocks(self) -> Iterator[slice]:
         """Parts of the rows."""

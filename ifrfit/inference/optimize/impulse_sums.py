@@ -91,7 +91,7 @@ class ImpulseSums:
         slide = law.a0 + law.a1 * self.c
         return Coefficients(slide - self.slide, law.a1, law.b0 + law.b1 * self.c, law.b1)
 
-    @cached_property
+    @property
     def domain(self) -> tuple[float, float]:
         """Of what is left of c."""
         return self.rows.domain[0] - self.c, self.rows.domain[1] - self.c
@@ -103,7 +103,7 @@ class ImpulseSums:
         # less one number for both, or less what k is at the point itself: nothing is left of it there
         return quadratic_matrix(left if self._in_common else Coefficients(0.0, left.a1, 0.0, left.b1))
 
-    @cached_property
+    @property
     def direct(self) -> Array | None:
         """`ImpulseRows.direct` in what is left of c and kappa; None for nothing."""
         if not any(self.rows.direct.tolist()):
@@ -133,9 +133,10 @@ class ImpulseSums:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""
         made = self.matrix @ sums
         form, size = made[:SIZE], made[SIZE]
-        if self.direct is not None:
-            form += self.direct[:, None]
-            size += np.abs(self.direct[ONE])
+        direct = self.direct
+        if direct is not None:
+            form += direct[:, None]
+            size += np.abs(direct[ONE])
         return form, size
 
     def cells(

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,8 +103,7 @@ class PiecewiseQuadratic:
         return self.gram.reshape(q, q, total), self.slope.reshape(q, total), self.square.reshape(total)
 
 
-@dataclass(frozen=True)
-class CellMinima:
+class CellMinima(NamedTuple):
     """Constrained minima of k cells: values and their rounding errors (k,), and minimisers (k, q)."""
 
     values: Array

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,8 +125,7 @@ def lowest_on_wall(
     return c, foot if law.b1 == 0.0 else tau * (law.b0 + law.b1 * c) - kappa0
 
 
-@dataclass(frozen=True)
-class TransitionCells:
+class TransitionCells(NamedTuple):
     """Neighbouring cells in c and kappa of one problem.
 
     Attributes
@@ -243,9 +242,10 @@ class TransitionCells:
         """
         k, law, kappa0, (first, last) = low.size, self.law, self.kappa0, self.domain
         cc, ck, kk, _, of_k, _ = form
-        # the last cell has one wall, which is as good as any place where no row knows kappa
-        is_last = high == np.inf
-        walls = np.array((low, np.where(is_last, low, high)))
+        walls = np.array((low, high))
+        is_open = walls[1, -1] == np.inf  # the last cell alone: its one wall will do where no row knows kappa
+        if is_open:
+            walls[1, -1] = walls[0, -1]
         both, det = cc * kk, ck * ck
         np.subtract(both, det, out=det)
         doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
@@ -255,17 +255,23 @@ class TransitionCells:
         beyond = flat | (c < first) | (c > last)
         on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
         edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
-        outside = beyond | (kappa < edge[0]) | ((kappa > edge[1]) > is_last)
+        above = kappa > edge[1]
+        if is_open:
+            above[-1] = False
+        outside = beyond | (kappa < edge[0]) | above
         at_ends = np.count_nonzero(beyond) > 0
         at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
         places[:, 0] = free
         at_c[1:3], at_kappa[1:3] = on_wall, wall
         if at_ends:
-            end, slides = np.array(((first,), (last,))), kk > 0.0
+            end = np.array(((first,), (last,)))
             lowest, highest = wall if law.b1 == 0.0 else walls[:, None] * (law.b0 + law.b1 * end) - kappa0
-            along = np.maximum((of_k - ck * end) / np.where(slides, kk, np.inf), lowest)
+            along = (of_k - ck * end) / (kk + _TINY)
+            np.maximum(along, lowest, out=along)
             at_c[3:] = end
-            at_kappa[3:] = np.where(is_last & slides, along, np.minimum(along, highest))
+            np.minimum(along, highest, out=at_kappa[3:])
+            if is_open and kk[-1] > 0.0:
+                at_kappa[3:, -1] = along[:, -1]
         value = value_at(form, at_c, at_kappa)
         value[0, outside] = np.inf
         best, every = value.argmin(axis=0), np.arange(k)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,8 +104,7 @@ def transition_optimum(rows: ImpulseRows) -> PiecewiseOptimum | None:
     return optimum_of(transition, solved.cells, found, solved.chi2, rows.tau.size)
 
 
-@dataclass(frozen=True)
-class _Solved:
+class _Solved(NamedTuple):
     """Cells of rows, those that are solved, with points in c and kappa themselves, and the least value."""
 
     cells: TransitionCells

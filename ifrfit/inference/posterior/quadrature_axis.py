@@ -80,10 +80,15 @@ def integral_up_to(coefficients: Array, v: Array) -> Array:
     """Integral from 0 to v in [0, 1], from the coefficients of the antiderivative along the last axis."""
     y = 2.0 * v - 1.0
     if y.size <= _FEW:  # all polynomials at once
-        k = np.arange(coefficients.shape[-1])
-        return np.asarray((coefficients * np.cos(k * np.arccos(y)[..., None])).sum(axis=-1))
+        polynomials = np.cos(_orders(coefficients.shape[-1]) * np.arccos(y)[..., None])
+        return np.asarray(np.vecdot(coefficients, polynomials))
     shape = np.broadcast_shapes(coefficients.shape[:-1], v.shape)
     return _clenshaw(lambda j: coefficients[..., j], coefficients.shape[-1], y, shape)
+
+
+@cache
+def _orders(count: int) -> Index:
+    return np.arange(count)
 
 
 def integral_of_some(coefficients: Array, which: Index, v: Array) -> Array:
@@ -393,7 +398,8 @@ def _polynomial_through(places: list[float], values: list[float], at: Array) -> 
         for i in range(len(places) - 1, order - 1, -1):
             rise = coefficients[i] - coefficients[i - 1]
             coefficients[i] = rise / (places[i] - places[i - order])
-    value, slope = np.full(at.shape, coefficients.pop()), np.zeros(at.shape)
+    slope = np.zeros(at.shape)
+    value = slope + coefficients.pop()
     for place in places[-2::-1]:
         beyond = at - place
         slope = slope * beyond + value

@@ -110,7 +110,9 @@ class Accumulated:
     @classmethod
     def nothing(cls, stream: ImpactStream, weighted: bool, intervals: Intervals, window: Mask) -> Accumulated:
         """Of no impacts; `window` are the intervals whose rows are to be kept, (bins,)."""
-        sample, copies = Sample(Sample.below_of(stream.rows)), CopiedRows(CopiedRows.below_of(stream.rows))
+        rows, counted = stream.rows, stream.is_counted
+        sample = Sample(Sample.below_of(rows, counted=counted))
+        copies = CopiedRows(CopiedRows.below_of(rows, counted=counted))
         moments = Moments.nothing(0, intervals.count)
         return cls(stream, weighted, intervals, Tally(), moments, [], sample, copies, WindowRows(window))
 

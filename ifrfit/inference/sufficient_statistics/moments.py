@@ -22,6 +22,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.sufficient_statistics.compensated_addition import add_to_sums, use_vectors
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
 
@@ -65,6 +66,7 @@ class Moments:
 
     def add(self, group: int, place: Place, w: Array, s: Array, r: Array, x: Array) -> None:
         """Add impacts of a group, (n,) each: interval, weight, slope, value less offset, and x."""
+        use_vectors()
         terms = map(read_only, (w, s, r, x))
         compiled(_accumulate)(self.high[group], self.low[group], read_only(place), *terms)
 
@@ -72,6 +74,7 @@ class Moments:
         self, group: int, place: Place, sigma: Array, s: Array, value: Array, offset: Array, x: Array
     ) -> None:
         """As `add`, with weights of sigma^-2: interval, sigma, slope, value, offset, and x, (n,) each."""
+        use_vectors()
         terms = map(read_only, (sigma, s, value, offset, x))
         compiled(_accumulate_values)(self.high[group], self.low[group], read_only(place), *terms)
 
@@ -207,33 +210,25 @@ def _direct(sigma: Array, s: Array, r: Array) -> tuple[Array, Array]:
 
 
 def _accumulate(high: Array, low: Array, place: Place, w: Array, s: Array, r: Array, x: Array) -> None:
+    sums, rests = high.reshape(-1), low.reshape(-1)
     for i in range(w.size):
-        b = place[i]
+        first = np.int64(place[i]) * SUMS
         ws = w[i] * s[i]
         one, z = ws * s[i], ws * r[i]
-        high[b, 0] += 1.0
-        k = 1
-        for term in (one, one * x[i], one * x[i] * x[i], z, z * x[i], w[i] * r[i] * r[i]):
-            total = high[b, k] + term
-            part = total - high[b, k]
-            low[b, k] += (high[b, k] - (total - part)) + (term - part)
-            high[b, k] = total
-            k += 1
+        sums[first] += 1.0
+        add_to_sums(sums, rests, first + 1, (one, one * x[i], one * x[i] * x[i], z))
+        add_to_sums(sums, rests, first + 5, (z * x[i], w[i] * r[i] * r[i]))
 
 
 def _accumulate_values(
     high: Array, low: Array, place: Place, sigma: Array, s: Array, value: Array, offset: Array, x: Array
 ) -> None:
+    sums, rests = high.reshape(-1), low.reshape(-1)
     for i in range(sigma.size):
-        b = place[i]
+        first = np.int64(place[i]) * SUMS
         w, r = 1.0 / (sigma[i] * sigma[i]), value[i] - offset[i]
         ws = w * s[i]
         one, z = ws * s[i], ws * r
-        high[b, 0] += 1.0
-        k = 1
-        for term in (one, one * x[i], one * x[i] * x[i], z, z * x[i], w * r * r):
-            total = high[b, k] + term
-            part = total - high[b, k]
-            low[b, k] += (high[b, k] - (total - part)) + (term - part)
-            high[b, k] = total
-            k += 1
+        sums[first] += 1.0
+        add_to_sums(sums, rests, first + 1, (one, one * x[i], one * x[i] * x[i], z))
+        add_to_sums(sums, rests, first + 5, (z * x[i], w * r * r))

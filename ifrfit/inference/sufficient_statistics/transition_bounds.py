@@ -65,7 +65,7 @@ def least_misfit(
     ends = tau[:-1], tau[1:]
     # t is best at e/sqrt(Q_stick(j)): by the least of it first, then by the c that this leads to
     own, best = _sticking(sums, law, domain), np.full(len(sums), -np.inf)
-    for _ in range(2):
+    for _ in range(2 if b > 0.0 else 1):
         t = np.minimum(np.divide(apart, np.sqrt(own), out=np.ones_like(own), where=own > 0.0), 1.0)
         t = np.where(apart > 0.0, t, 0.0)
         lost = np.divide(apart**2 * (1.0 - t), t, out=np.zeros_like(t), where=t > 0.0)

@@ -49,7 +49,7 @@ class WindowRows:
         series, *setting = of_impacts
         part: Part = (series, place, *setting, values.value, values.sigma)
         if not self.inside.all():  # of the first rows all are kept, as they are
-            here = compiled(_inside)(read_only(place), read_only(self.inside))
+            here = _inside_of(place, self.inside)
             part = _chosen(part, here)
         if len(part[_PLACE]):
             self.parts.setdefault(name, []).append(part)
@@ -112,13 +112,20 @@ def _whole(column: NDArray[Any]) -> NDArray[Any]:
 def _in_intervals(part: Part, intervals: Mask) -> Index:
     """Rows that lie in some intervals of their series, (series, bins)."""
     place = _whole(part[_PLACE])
-    inside = intervals[0][place] if len(intervals) == 1 else intervals[_whole(part[_SERIES]), place]
-    return np.flatnonzero(inside)
+    if len(intervals) == 1:
+        return _inside_of(place.astype(np.int32, copy=False), intervals[0])
+    return np.flatnonzero(intervals[_whole(part[_SERIES]), place])
 
 
 def _chosen(part: Part, rows: Index) -> Array:
     """Some rows of a part, (7, k)."""
     return np.stack([column[rows].astype(np.float64, copy=False) for column in part])
+
+
+def _inside_of(place: NDArray[np.int32], inside: Mask) -> Index:
+    """Rows whose interval is among some, (bins,)."""
+    found: Index = compiled(_inside)(read_only(place), read_only(inside))
+    return found
 
 
 def _inside(place: NDArray[np.int32], inside: Mask) -> Index:

@@ -15,7 +15,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.selection import Selection
 from ifrfit.data.stream import table_batches
 from ifrfit.data.stream.impact_stream import ImpactStream
-from ifrfit.data.stream.plain_rows import PlainRows, _count
+from ifrfit.data.stream.plain_rows import PlainRows, ends_of
 from ifrfit.errors import DataError
 from ifrfit.inference.sufficient_statistics.accumulated import Accumulated
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
@@ -161,9 +161,8 @@ def test_columns_that_need_more_than_to_be_read(tmp_path, monkeypatch, change, k
 @pytest.mark.parametrize(
     "values", [[0.3, -0.7, 0.1], [-0.2, -0.0, 0.0], [0.5], [-0.5, -1e-3], [2.0, 1.5, -2.5]]
 )
-def test_sizes_and_ends_of_a_column_are_those_of_its_numbers(values):
+def test_ends_of_a_column_are_those_of_its_numbers(values):
     values = np.array(values)
-    odd, missing, _, _, *bits = _count(values, values.view(np.int64), -3.0, 3.0)
-    size, least, most = np.array(bits, dtype=np.int64).view(float)
-    assert (odd, missing) == (0, 0)
-    assert (size, least, most) == (np.abs(values).max(), values.min(), values.max())
+    assert ends_of(values) == (0, 0, values.min(), values.max())
+    gaps = np.concatenate(([np.nan], values, [-np.nan, 1e-61, -1e-70, 0.0]))
+    assert ends_of(gaps) == (2, 2, np.nanmin(gaps), np.nanmax(gaps))
