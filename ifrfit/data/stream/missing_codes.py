@@ -38,14 +38,22 @@ class SizesMet:
     first: dict[float, str] = field(default_factory=dict)
     first_negative: dict[float, str] = field(default_factory=dict)
 
+    def note_largest(self, size: float) -> None:
+        """See the largest size of some values that are none of the codes; negative without a value."""
+        self.largest = max(self.largest, size)
+        if self.largest > SHORT_CODES[-1]:  # short codes are values then
+            for known in (self.counts, self.first, self.first_negative):
+                for code in known.keys() & set(SHORT_CODES.tolist()):
+                    del known[code]
+
     def note(self, cells: Cells, header: str, values: Array) -> None:
         """See some more values, as they stand in the file."""
         size = np.abs(values)
         if not (size >= SHORT_CODES[0]).any():
-            self.largest = max(self.largest, float(size.max(where=np.isfinite(size), initial=-1.0)))
+            self.note_largest(float(size.max(where=np.isfinite(size), initial=-1.0)))
             return
         is_code = np.isin(size, SHORT_CODES) | np.isin(size, CODES)
-        self.largest = max(self.largest, float(size.max(where=np.isfinite(size) & ~is_code, initial=-1.0)))
+        largest = float(size.max(where=np.isfinite(size) & ~is_code, initial=-1.0))
         for code in np.unique(size[is_code]).tolist():
             rows = np.flatnonzero(size == code)
             negative = rows[values[rows] < 0.0]
@@ -55,10 +63,10 @@ class SizesMet:
                 self.first[code] = cells.at(int(rows[0]), header)
             if negative.size and code not in self.first_negative:
                 self.first_negative[code] = cells.at(int(negative[0]), header)
+        self.note_largest(largest)
 
     def merge(self, following: SizesMet) -> None:
         """Add what was met in later rows."""
-        self.largest = max(self.largest, following.largest)
         for code, count in following.counts.items():
             self.counts[code] = self.counts.get(code, 0) + count
         for ours, theirs in (
@@ -67,6 +75,7 @@ class SizesMet:
         ):
             for code, place in theirs.items():
                 ours.setdefault(code, place)
+        self.note_largest(following.largest)
 
     def refuse(self) -> None:
         """Refuse a code for "not measured", by the rule of a table that is held in memory.

@@ -78,8 +78,7 @@ class Tally:
 
     def note_largest(self, header: str, largest: float) -> None:
         """See the largest size in a column of which no value may be such a code; negative without a value."""
-        known = self.sizes.setdefault(header, SizesMet())
-        known.largest = max(known.largest, largest)
+        self.sizes.setdefault(header, SizesMet()).note_largest(largest)
 
     def note_open(self, header: str, said: str, answered: bool) -> None:
         """See whether values answer what the header of a column leaves open."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ifrfit.data.conventions import Conventions
@@ -105,6 +105,7 @@ ODD_CELLS = st.tuples(st.integers(0, 10_000), st.tuples(st.sampled_from(sorted(O
     st.integers(1, 300),
     st.integers(1, 300),
 )
+@example(0, 2, [(0, ("gamma_deg", 18))], 1, 2)  # 9.9 among larger numbers is no code
 def test_both_roads_and_every_parting_give_the_same_bits(seed, n, odd, size, other):
     with pytest.MonkeyPatch.context() as monkeypatch, tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.parquet"
