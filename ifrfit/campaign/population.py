@@ -1,8 +1,8 @@
 """The groups of a campaign as members of one population: partial pooling of each constant.
 
-Each group's constant, in a coordinate without ends, is drawn from a normal distribution over groups, and its
-posterior stands for a normal likelihood (`ifrfit.campaign.normal_hierarchy`). A group is shrunk towards the
-mean by what its own data leave open.
+Each group's constant, in a coordinate without ends, is drawn from a normal distribution over groups. What its
+data say is a normal likelihood, its posterior without the prior (`ifrfit.campaign.group_likelihood`,
+`ifrfit.campaign.normal_hierarchy`). A group is shrunk towards the mean by what its own data leave open.
 """
 
 from __future__ import annotations
@@ -14,40 +14,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
 
+from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
+from ifrfit.campaign.group_likelihood import joint_likelihoods
 from ifrfit.campaign.leave_one_out import outlying_groups
 from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """A coordinate without ends for a constant: the logit of its share of the domain, its log, or itself."""
-
-    lower: float
-    upper: float
-
-    def to(self, x: Array) -> Array:
-        """The coordinate of values; infinite at the ends of the domain."""
-        if math.isfinite(self.lower) and math.isfinite(self.upper):
-            share = np.clip((x - self.lower) / (self.upper - self.lower), 0.0, 1.0)
-            return np.asarray(logit(share))
-        if math.isfinite(self.lower):
-            with np.errstate(divide="ignore"):
-                return np.log(np.maximum(x - self.lower, 0.0))
-        return np.asarray(x, dtype=float)
-
-    def back(self, y: Array) -> Array:
-        """The values at coordinates."""
-        if math.isfinite(self.lower) and math.isfinite(self.upper):
-            return np.asarray(self.lower + (self.upper - self.lower) * expit(y))
-        if math.isfinite(self.lower):
-            return np.asarray(self.lower + np.exp(y))
-        return np.asarray(y, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -104,7 +79,7 @@ class Population:
 def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]) -> list[Population]:
     """The population of each constant that enough groups determine, and of kappa.
 
-    What a group says is taken from its 68 % interval, in the coordinate.
+    What a group says is its likelihood in the coordinate, see `ifrfit.campaign.group_likelihood`.
 
     Parameters
     ----------
@@ -117,27 +92,23 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
     names = dict.fromkeys(
         key.removesuffix("_status") for row in rows for key in row if key.endswith("_status")
     )
+    said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
     found = []
     for name in names:
-        one = _population(name, rows, domains[name.partition("[")[0]])
+        one = _population(name, rows, domains[name.partition("[")[0]], *said[name])
         if one is not None:
             found.append(one)
     return found
 
 
-def _population(name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate) -> Population | None:
+def _population(
+    name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate, mean: Array, sd: Array
+) -> Population | None:
     fitted = [number for number, row in enumerate(rows) if not row[FAILURE] and f"{name}_status" in row]
-    told = [number for number in fitted if rows[number][f"{name}_status"] == "determined"]
-    if len(told) < FEWEST:
+    groups = np.flatnonzero(np.isfinite(mean) & np.isfinite(sd) & (sd > 0.0))
+    if groups.size < FEWEST:
         return None
-    low, high = (by.to(np.array([rows[n][f"{name}_{end}"] for n in told])) for end in ("lo68", "hi68"))
-    with np.errstate(invalid="ignore"):
-        y, s = 0.5 * (low + high), 0.5 * (high - low)
-    fine = np.isfinite(y) & np.isfinite(s) & (s > 0.0)
-    if fine.sum() < FEWEST:
-        return None
-    groups = np.array(told, dtype=np.intp)[fine]
-    hierarchy = NormalHierarchy.of(y[fine], s[fine])
+    hierarchy = NormalHierarchy.of(mean[groups], sd[groups])
     found = outlying_groups(hierarchy)
 
     def values(five: Array, to: Callable[[Array], Array] = by.back) -> Quantiles:
