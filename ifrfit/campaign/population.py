@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
 from ifrfit.campaign.group_likelihood import joint_likelihoods
-from ifrfit.campaign.leave_one_out import outlying_groups
+from ifrfit.campaign.leave_one_out import below_threshold, membership_p_values
 from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.two_populations import FEWEST_OF_TWO, TwoPopulations, two_populations
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -49,6 +50,8 @@ class Population:
     ----------
     name : str
         The constant.
+    by : Coordinate
+        In which it is normal over groups.
     groups : ndarray of int, (n,)
         Which rows of the table were pooled: those that determine the constant.
     left_out : int
@@ -60,12 +63,15 @@ class Population:
         Of each group, shrunk, (n,).
     shrinkage : ndarray, (n,)
         Share of the way to the population's mean, 0 to 1.
-    outlying : mapping of int to float, or None
-        Rows of the table that are not of the population of the others, each with its p-value times the number
-        of groups; None where there are too few groups to look, see `ifrfit.campaign.leave_one_out`.
+    membership_p : ndarray, (n,), or None
+        Of each group to lie so far from the others, times the number of groups; None where there are too few
+        groups to look, see `ifrfit.campaign.leave_one_out`.
+    two : TwoPopulations or None
+        What describes the groups better than one population.
     """
 
     name: str
+    by: Coordinate
     groups: NDArray[np.intp]
     left_out: int
     centre: Quantiles
@@ -73,7 +79,22 @@ class Population:
     tau: Quantiles
     members: Quantiles = field(repr=False)
     shrinkage: Array = field(repr=False)
-    outlying: Mapping[int, float] | None = None
+    membership_p: Array | None = field(default=None, repr=False)
+    two: TwoPopulations | None = None
+
+    @property
+    def outlying(self) -> dict[int, float] | None:
+        """Rows of the table that are not of the population of the others, by their p-values; None: not looked."""
+        if self.membership_p is None:
+            return None
+        return {int(self.groups[at]): p for at, p in below_threshold(self.membership_p).items()}
+
+    @property
+    def medians_of_two(self) -> tuple[float, float]:
+        """The constant of the median group of each of the two populations."""
+        assert self.two is not None
+        low, high = self.by.back(np.array([self.two.lower, self.two.upper])).tolist()
+        return low, high
 
 
 def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]) -> list[Population]:
@@ -109,13 +130,13 @@ def _population(
     if groups.size < FEWEST:
         return None
     hierarchy = NormalHierarchy.of(mean[groups], sd[groups])
-    found = outlying_groups(hierarchy)
 
     def values(five: Array, to: Callable[[Array], Array] = by.back) -> Quantiles:
         return Quantiles.of(to(five))
 
     return Population(
         name,
+        by,
         groups,
         len(fitted) - groups.size,
         values(hierarchy.centre_quantiles()),
@@ -123,5 +144,6 @@ def _population(
         values(hierarchy.tau_quantiles(), np.asarray),
         values(hierarchy.member_quantiles()),
         hierarchy.shrinkage(),
-        None if found is None else {int(groups[at]): p for at, p in found.items()},
+        membership_p_values(hierarchy),
+        two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_TWO else None,
     )
