@@ -27,6 +27,7 @@ _MOST = 400  # groups, of which all are looked at; of more so many, drawn
 _FLAT, _LOPSIDED = -0.6, 0.5  # excess kurtosis and skewness within which two peaks do not stand apart
 _CUTS = (0.1, 0.25, 0.5, 0.75, 0.9)  # shares of the lower law, where the search begins
 _ROUNDS, _STILL = 300, 1e-3
+_CLEARLY = 0.5  # of log-likelihood above any single peak; their fits are some tenths short of the best
 _MODES, _WIDTHS, _WEIGHINGS = 5, 16, 150
 
 
@@ -82,7 +83,7 @@ def two_populations(y: Array, s: Array, *, seed: int = 0) -> TwoPopulations | No
     log_likelihood, laws = _two_laws(seen, error)
     ratio = 2.0 * (log_likelihood - _one_law(seen, error))
     p = float(chdtrc(_DOF, max(ratio, 0.0)))
-    if p >= REFUTED or log_likelihood <= _one_peak(seen, error, laws):
+    if p >= REFUTED or log_likelihood < _one_peak(seen, error, laws) + _CLEARLY:
         return None
     share, lower, upper, variance = laws
     # log odds of the upper law; those of groups that were not looked at, too
