@@ -1,6 +1,6 @@
 """What the data of a group say of a constant, in the coordinate of the population: mean and sd.
 
-The posterior of a group holds the default prior, uniform over each domain. In the coordinate y that prior is
+The posterior of a group holds the default prior, uniform over each domain. In the coordinate y that is
 dx/dy: exp(y) where y is a logarithm. It moves a group by s^2, and the mean over n groups of error s by
 s sqrt(n) of its standard error, because it counts once a group. So the marginal posterior over y is divided by
 dx/dy of its own constant, and moved by what dividing by those of the others does, which is to first order
@@ -112,7 +112,7 @@ def joint_likelihoods(
         covariance = np.nan_to_num(told * one.sd * other.sd)
         shift[first] -= covariance * np.nan_to_num(other.tilt)
         shift[second] -= covariance * np.nan_to_num(one.tilt)
-        # log kappa = log mu + log(1 + e_n) is measured independently of e_n: what mu has in common with others
+        # log kappa = log mu + log(1 + e_n) is measured independently of e_n: what mu shares with others
         if KAPPA in alone and {first, second} != {"e_n", "mu"} and "mu" in (first, second):
             shift[KAPPA] -= covariance * np.nan_to_num((one if second == "mu" else other).tilt)
     return {name: (each.mean + shift[name], each.sd) for name, each in alone.items()}

@@ -33,7 +33,7 @@ def membership_p_values(hierarchy: NormalHierarchy) -> Array | None:
     """With what probability a group of the population of the others lies so far from them; (n,).
 
     Two-sided, and times the number of groups, 1 at most. Where several odd ones hide one another
-    (`groups_that_hide`), theirs are given all others, without one another. 1 for groups of many that are near.
+    (`groups_that_hide`), theirs are given all but these. 1 for groups of many that are near.
 
     Returns
     -------

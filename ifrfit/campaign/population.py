@@ -84,7 +84,7 @@ class Population:
 
     @property
     def outlying(self) -> dict[int, float] | None:
-        """Rows of the table that are not of the population of the others, by their p-values; None: not looked."""
+        """Rows that are not of the population of the others, by their p-values; None: not looked."""
         if self.membership_p is None:
             return None
         return {int(self.groups[at]): p for at, p in below_threshold(self.membership_p).items()}

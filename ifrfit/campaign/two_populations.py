@@ -78,7 +78,7 @@ def two_populations(y: Array, s: Array, *, seed: int = 0) -> TwoPopulations | No
     rng = np.random.default_rng(seed)
     chosen = np.arange(y.size) if y.size <= _MOST else rng.choice(y.size, _MOST, replace=False)
     seen, error = y[chosen], s[chosen]
-    if kurtosis(seen) > _FLAT and abs(skew(seen)) < _LOPSIDED:
+    if float(kurtosis(seen)) > _FLAT and abs(float(skew(seen))) < _LOPSIDED:
         return None
     log_likelihood, laws = _two_laws(seen, error)
     ratio = 2.0 * (log_likelihood - _one_law(seen, error))

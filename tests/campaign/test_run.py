@@ -333,7 +333,9 @@ def of_truths(path, truths):
 def test_two_materials_in_one_campaign_are_named(tmp_path):
     """Ten groups of mu 0.10 and ten of 0.25 were one population of 0.05 to 0.5."""
     rng = np.random.default_rng(4)
-    truths = [{"e_n": 0.85, "c": -0.7, "mu": (0.10, 0.25)[n % 2] * rng.uniform(0.96, 1.04)} for n in range(20)]
+    truths = [
+        {"e_n": 0.85, "c": -0.7, "mu": (0.10, 0.25)[n % 2] * rng.uniform(0.96, 1.04)} for n in range(20)
+    ]
     found = run(of_truths(tmp_path / "all.csv", truths), tmp_path / "out")
     two = {each.name: each.two for each in found.populations}
     assert two["e_n"] is None

@@ -80,7 +80,7 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
 
 
 def _two(found: Population) -> dict[str, Any] | None:
-    """The two populations that describe the groups better, or none of them; None where it was not looked at."""
+    """The two populations that describe the groups better, or none; None where it was not looked at."""
     if found.groups.size < FEWEST_OF_TWO:
         return None
     if found.two is None:
