@@ -1,11 +1,11 @@
 """How often a campaign names groups as not of the population of the others: without reason, and with.
 
 False alarms are counted in campaigns drawn anew and read from files, of 3 to 200 groups of twelve impacts, as
-in `calibrate_campaign`, and in many more of 10 to 1,000 groups whose posteriors are drawn: of four
-constants, each of which has its own share between what groups are known to and what they differ by, and two of which are
+in `calibrate_campaign`, and in many more of 10 to 1,000 groups whose posteriors are drawn: of four constants,
+each of which has its own share between what groups are known to and what they differ by, and two of which are
 known so weakly (to a quarter at worst) that what groups say is skewed. How often groups that are set off are
-found is counted in normal populations whose groups are known with an error of a third of tau. Prints tables in
-Markdown.
+found is counted in normal populations whose groups are known with an error of a third of tau. Prints tables
+in Markdown.
 
     python scripts/calibrate_membership.py 150 500 2000
 """

@@ -1,12 +1,12 @@
 """What the data of a group say of a constant, in the coordinate of the population: mean and sd.
 
-The posterior of a group holds the default prior, uniform over each domain. In the coordinate y that is
-dx/dy: exp(y) where y is a logarithm. It moves a group by s^2, and the mean over n groups of error s by
-s sqrt(n) of its standard error, because it counts once a group. So the marginal posterior over y is divided by
-dx/dy of its own constant, and moved by what dividing by those of the others does, which is to first order
-their slopes times the covariances. What is left is the likelihood with the other constants integrated evenly
-over their own coordinates. Its mean and variance are what a population takes without bias of the order of s:
-skewness enters the mean over groups with the square of a residual less its expectation.
+The posterior of a group holds the default prior, uniform over each domain. In the coordinate y that is dx/dy:
+exp(y) where y is a logarithm. It moves a group by s^2, and the mean over n groups of error s by s sqrt(n) of
+its standard error, because it counts once a group. So the marginal posterior over y is divided by dx/dy of
+its own constant, and moved by what dividing by those of the others does, which is to first order their slopes
+times the covariances. What is left is the likelihood with the other constants integrated evenly over their
+own coordinates. Its mean and variance are what a population takes without bias of the order of s: skewness
+enters the mean over groups with the square of a residual less its expectation.
 """
 
 from __future__ import annotations
