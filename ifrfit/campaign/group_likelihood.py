@@ -3,17 +3,17 @@
 The posterior of a group holds the default prior, uniform over each domain. In the coordinate y that is dx/dy:
 exp(y) where y is a logarithm. It moves a group by s^2, and the mean over n groups of error s by s sqrt(n) of
 its standard error, because it counts once a group. So the marginal posterior over y is divided by dx/dy of
-its own constant, and moved by what dividing by those of the others does, which is to first order their slopes
-times the covariances. What is left is the likelihood with the other constants integrated evenly over their
-own coordinates. Its mean and variance are what a population takes without bias of the order of s: skewness
-enters the mean over groups with the square of a residual less its expectation.
+its own constant, and e_n and e_t are moved by what dividing by that of mu does, to first order its slope
+times the covariance. The prior of e_t is left in mu and kappa: that shift, to first order, was measured to
+make them worse where e_t is known weakly (docs/campaigns.md). Mean and variance of the likelihood are what a
+population takes without bias of the order of s: skewness enters the mean over groups with the square of a
+residual less its expectation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from ifrfit.campaign.group_fit import KAPPA, correlation_column
 
 Array = NDArray[np.float64]
 
+MU = "mu"
 PARTS = ("_lo95", "_lo68", "", "_hi68", "_hi95")
 _Z = np.array([-1.959964, -0.994458, 0.0, 0.994458, 1.959964])  # of `PARTS`, on a normal scale
 _NODES = np.linspace(-4.0, 4.0, 33)
@@ -89,7 +90,7 @@ class GroupLikelihoods:
 def joint_likelihoods(
     rows: Sequence[Mapping[str, Any]], coordinates: Mapping[str, Coordinate]
 ) -> dict[str, tuple[Array, Array]]:
-    """Mean and sd in its coordinate of what each row says of each constant, the priors of all taken out.
+    """Mean and sd in its coordinate of what each row says of each constant, without its prior and that of mu.
 
     Parameters
     ----------
@@ -105,14 +106,11 @@ def joint_likelihoods(
     """
     alone = {name: GroupLikelihoods.of(name, rows, by) for name, by in coordinates.items()}
     shift = {name: np.zeros(len(rows)) for name in alone}
-    for first, second in combinations([name for name in alone if name != KAPPA], 2):
-        column = correlation_column(first, second)
-        told = np.array([row.get(column) for row in rows], dtype=float)
-        one, other = alone[first], alone[second]
-        covariance = np.nan_to_num(told * one.sd * other.sd)
-        shift[first] -= covariance * np.nan_to_num(other.tilt)
-        shift[second] -= covariance * np.nan_to_num(one.tilt)
-        # log kappa = log mu + log(1 + e_n) is measured independently of e_n: what mu shares with others
-        if KAPPA in alone and {first, second} != {"e_n", "mu"} and "mu" in (first, second):
-            shift[KAPPA] -= covariance * np.nan_to_num((one if second == "mu" else other).tilt)
+    if MU in alone:
+        mu = alone[MU]
+        for name, one in alone.items():
+            if name in (MU, KAPPA):
+                continue
+            told = np.array([row.get(correlation_column(name, MU)) for row in rows], dtype=float)
+            shift[name] -= np.nan_to_num(told * one.sd * mu.sd * mu.tilt)
     return {name: (each.mean + shift[name], each.sd) for name, each in alone.items()}
