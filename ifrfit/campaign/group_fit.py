@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 from ifrfit.data import Observations, combine
@@ -96,7 +97,8 @@ def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row
     -------
     dict
         ``files``, ``rows`` of the files, and ``failure``; where it is empty ``n``, ``n_sliding``,
-        ``n_sticking``, provenance, each constant and kappa with sd, intervals and status, chi2, dof, p_value,
+        ``n_sticking``, provenance, each constant and kappa with sd, intervals and status, the correlations of
+        the free constants, chi2, dof, p_value,
         whether the optimum is proven, and what calls for a look.
     """
     row: Row = {"files": ", ".join(group.files), "rows": group.rows, FAILURE: ""}
@@ -131,6 +133,7 @@ def _findings(found: FitResult, *, facts: bool) -> Row:
         estimates[KAPPA] = kappa
     for name, estimate in estimates.items():
         row |= estimate_columns(name, estimate)
+    row |= _correlations(found)
     row |= {name: _number(getattr(found.fit, name)) for name in ("chi2", "dof", "p_value")}
     if facts:
         row["proven"] = bool(found.facts["global_optimum"].ok)
@@ -138,6 +141,18 @@ def _findings(found: FitResult, *, facts: bool) -> Row:
         row[FINDINGS] = ", ".join(name for name, fact in found.facts.items() if not fact.ok)
         row[LOOK] = headline(found)
     return row
+
+
+def _correlations(found: FitResult) -> Row:
+    """Of each two free constants."""
+    names, matrix = found.correlation.names, found.correlation.matrix
+    pairs = combinations(range(len(names)), 2)
+    return {correlation_column(names[i], names[j]): _number(float(matrix[i, j])) for i, j in pairs}
+
+
+def correlation_column(one: str, other: str) -> str:
+    """What the correlation of two constants is called in the table."""
+    return "correlation_" + "_".join(sorted((one, other)))
 
 
 def estimate_columns(name: str, estimate: Estimate) -> Row:

@@ -13,7 +13,7 @@ from typing import Any
 from ifrfit.campaign.group_fit import FAILURE, Row
 from ifrfit.errors import UsageError
 
-_FORM = "ifrfit/campaign-journal/2"
+_FORM = "ifrfit/campaign-journal/3"
 _START = b'{"form": "ifrfit/campaign-journal/'  # of every head
 
 

@@ -17,10 +17,39 @@ from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
+FEWEST_OF_SEVERAL = 10  # groups of which several may hide one another
 _ALL = 1500  # groups, of which each is looked at; of more one alone does not move the posterior of tau much,
 _NEAR = 3.0  # so that those within so many sd at all its nodes are well within
 _BLOCK = 500_000  # numbers at once
+_MOST_OF_SEVERAL = 200  # of more groups some odd ones hide nobody, or are a second population
+_MOST_SUSPECTS = 12
+_SUSPECT = 3.5  # robust standard deviations
+_MAD = 1.4826  # of a normal law, sd over the median distance from the median
+
+
+def membership_p_values(hierarchy: NormalHierarchy) -> Array | None:
+    """With what probability a group of the population of the others lies so far from them; (n,).
+
+    Two-sided, and times the number of groups, 1 at most. Where several odd ones hide one another
+    (`groups_that_hide`), theirs are given all but these. 1 for groups of many that are near.
+
+    Returns
+    -------
+    ndarray or None
+        None for fewer groups than `FEWEST` and one: without one of them there is no population.
+    """
+    n = hierarchy.y.size
+    if n <= FEWEST:
+        return None
+    chosen = np.arange(n) if n <= _ALL else _far(hierarchy)
+    p = np.ones(n)
+    p[chosen] = np.minimum(predictive_p_values(hierarchy, chosen) * n, 1.0)
+    odd = groups_that_hide(hierarchy)
+    if odd.size > 1 and np.isin(np.flatnonzero(p < REFUTED), odd).all():
+        p[odd] = np.minimum(_given_the_others(hierarchy, odd) * n, 1.0)
+    return p
 
 
 def outlying_groups(hierarchy: NormalHierarchy) -> dict[int, float] | None:
@@ -29,16 +58,42 @@ def outlying_groups(hierarchy: NormalHierarchy) -> dict[int, float] | None:
     Returns
     -------
     dict of int to float or None
-        Places of the groups, by their p-values, which are two-sided and times the number of groups, below
-        `REFUTED`. None for fewer groups than `FEWEST` and one: without one of them there is no population.
+        Places of the groups, by their p-values, those of `membership_p_values` below `REFUTED`; None where
+        these are.
     """
-    n = hierarchy.y.size
-    if n <= FEWEST:
-        return None
-    chosen = np.arange(n) if n <= _ALL else _far(hierarchy)
-    p = np.minimum(predictive_p_values(hierarchy, chosen) * n, 1.0)
-    order = np.argsort(p, kind="stable")
-    return {int(chosen[at]): float(p[at]) for at in order if p[at] < REFUTED}
+    p = membership_p_values(hierarchy)
+    return None if p is None else below_threshold(p)
+
+
+def below_threshold(p: Array) -> dict[int, float]:
+    """Places of the groups that are named, by their p-values."""
+    return {int(at): float(p[at]) for at in np.argsort(p, kind="stable") if p[at] < REFUTED}
+
+
+def groups_that_hide(hierarchy: NormalHierarchy) -> Index:
+    """Places of several odd groups, which make the standard deviation over all so large that none is named.
+
+    Those that lie far from the median, on the scale of the median distance, a quarter at most, are left out;
+    then they are taken in again from the nearest on, until one is not of the population of those within
+    (outward testing, Barnett & Lewis 1994, Outliers in Statistical Data, section 4.4).
+    """
+    y, s = hierarchy.y, hierarchy.s
+    n = y.size
+    none = np.empty(0, dtype=np.intp)
+    if not FEWEST_OF_SEVERAL <= n <= _MOST_OF_SEVERAL:
+        return none
+    away = np.abs(y - np.median(y))
+    spread = (_MAD * float(np.median(away))) ** 2
+    distance = away / np.sqrt(s**2 + max(spread - float(np.median(s)) ** 2, 0.0))
+    order = np.argsort(distance, kind="stable")
+    suspects = order[max(int((distance[order] <= _SUSPECT).sum()), n - min(n // 4, _MOST_SUSPECTS)) :]
+    if suspects.size < 2:
+        return none
+    for taken in range(suspects.size):
+        odd = suspects[taken:]
+        if _given_the_others(hierarchy, odd)[0] * n < REFUTED:
+            return odd
+    return none
 
 
 def predictive_p_values(hierarchy: NormalHierarchy, places: NDArray[np.intp]) -> Array:
@@ -63,16 +118,17 @@ def predictive_p_values(hierarchy: NormalHierarchy, places: NDArray[np.intp]) ->
         np.argmin(hierarchy.s)
     )  # it alone can outweigh the others, whose sums are then lost in its own
     if sharpest in places:
-        found[places == sharpest] = _by_a_fit_of_the_others(hierarchy, sharpest)
+        # without divisions by its density
+        found[places == sharpest] = _given_the_others(hierarchy, np.array([sharpest]))
     return found
 
 
-def _by_a_fit_of_the_others(hierarchy: NormalHierarchy, place: int) -> float:
-    """The same of one group, without divisions by its density."""
-    others = NormalHierarchy.of(np.delete(hierarchy.y, place), np.delete(hierarchy.s, place))
-    sd = np.sqrt(hierarchy.s[place] ** 2 + others.tau**2 + others.sd**2)
-    distance = (hierarchy.y[place] - others.mean) / sd
-    return 2.0 * min(float(others.weight @ ndtr(side * distance)) for side in (-1.0, 1.0))
+def _given_the_others(hierarchy: NormalHierarchy, places: Index) -> Array:
+    """Two-sided p-values of some groups, given those that are none of them; (k,)."""
+    others = NormalHierarchy.of(np.delete(hierarchy.y, places), np.delete(hierarchy.s, places))
+    sd = np.sqrt(hierarchy.s[places, None] ** 2 + others.tau**2 + others.sd**2)
+    distance = (hierarchy.y[places, None] - others.mean) / sd
+    return np.asarray(2.0 * np.minimum(*(ndtr(side * distance) @ others.weight for side in (-1.0, 1.0))))
 
 
 def _far(hierarchy: NormalHierarchy) -> NDArray[np.intp]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from ifrfit.campaign.group_fit import (
     PROVENANCE,
     GroupQuestion,
     Row,
+    correlation_column,
     estimate_columns,
     fit_group,
 )
@@ -247,6 +249,8 @@ def _row(
         low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
         sd = float(posteriors.sd[k, quantity])
         row |= estimate_columns(name, Estimate(median, sd, (low68, high68), (low95, high95), "determined"))
+    for i, j in combinations(range(_FREE), 2):
+        row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
     dof = int(values.n[k]) - _FREE
     chi2 = float(posteriors.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}

@@ -1,8 +1,8 @@
 """The groups of a campaign as members of one population: partial pooling of each constant.
 
-Each group's constant, in a coordinate without ends, is drawn from a normal distribution over groups, and its
-posterior stands for a normal likelihood (`ifrfit.campaign.normal_hierarchy`). A group is shrunk towards the
-mean by what its own data leave open.
+Each group's constant, in a coordinate without ends, is drawn from a normal distribution over groups. What its
+data say is a normal likelihood, its posterior without the prior (`ifrfit.campaign.group_likelihood`,
+`ifrfit.campaign.normal_hierarchy`). A group is shrunk towards the mean by what its own data leave open.
 """
 
 from __future__ import annotations
@@ -14,40 +14,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, logit
 
+from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
-from ifrfit.campaign.leave_one_out import outlying_groups
+from ifrfit.campaign.group_likelihood import joint_likelihoods
+from ifrfit.campaign.leave_one_out import below_threshold, membership_p_values
 from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.two_populations import FEWEST_OF_TWO, TwoPopulations, two_populations
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """A coordinate without ends for a constant: the logit of its share of the domain, its log, or itself."""
-
-    lower: float
-    upper: float
-
-    def to(self, x: Array) -> Array:
-        """The coordinate of values; infinite at the ends of the domain."""
-        if math.isfinite(self.lower) and math.isfinite(self.upper):
-            share = np.clip((x - self.lower) / (self.upper - self.lower), 0.0, 1.0)
-            return np.asarray(logit(share))
-        if math.isfinite(self.lower):
-            with np.errstate(divide="ignore"):
-                return np.log(np.maximum(x - self.lower, 0.0))
-        return np.asarray(x, dtype=float)
-
-    def back(self, y: Array) -> Array:
-        """The values at coordinates."""
-        if math.isfinite(self.lower) and math.isfinite(self.upper):
-            return np.asarray(self.lower + (self.upper - self.lower) * expit(y))
-        if math.isfinite(self.lower):
-            return np.asarray(self.lower + np.exp(y))
-        return np.asarray(y, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -74,6 +50,8 @@ class Population:
     ----------
     name : str
         The constant.
+    by : Coordinate
+        In which it is normal over groups.
     groups : ndarray of int, (n,)
         Which rows of the table were pooled: those that determine the constant.
     left_out : int
@@ -85,12 +63,15 @@ class Population:
         Of each group, shrunk, (n,).
     shrinkage : ndarray, (n,)
         Share of the way to the population's mean, 0 to 1.
-    outlying : mapping of int to float, or None
-        Rows of the table that are not of the population of the others, each with its p-value times the number
-        of groups; None where there are too few groups to look, see `ifrfit.campaign.leave_one_out`.
+    membership_p : ndarray, (n,), or None
+        Of each group to lie so far from the others, times the number of groups; None where there are too few
+        groups to look, see `ifrfit.campaign.leave_one_out`.
+    two : TwoPopulations or None
+        What describes the groups better than one population.
     """
 
     name: str
+    by: Coordinate
     groups: NDArray[np.intp]
     left_out: int
     centre: Quantiles
@@ -98,13 +79,28 @@ class Population:
     tau: Quantiles
     members: Quantiles = field(repr=False)
     shrinkage: Array = field(repr=False)
-    outlying: Mapping[int, float] | None = None
+    membership_p: Array | None = field(default=None, repr=False)
+    two: TwoPopulations | None = None
+
+    @property
+    def outlying(self) -> dict[int, float] | None:
+        """Rows that are not of the population of the others, by their p-values; None: not looked."""
+        if self.membership_p is None:
+            return None
+        return {int(self.groups[at]): p for at, p in below_threshold(self.membership_p).items()}
+
+    @property
+    def medians_of_two(self) -> tuple[float, float]:
+        """The constant of the median group of each of the two populations."""
+        assert self.two is not None
+        low, high = self.by.back(np.array([self.two.lower, self.two.upper])).tolist()
+        return low, high
 
 
 def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]) -> list[Population]:
     """The population of each constant that enough groups determine, and of kappa.
 
-    What a group says is taken from its 68 % interval, in the coordinate.
+    What a group says is its likelihood in the coordinate, see `ifrfit.campaign.group_likelihood`.
 
     Parameters
     ----------
@@ -117,34 +113,30 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
     names = dict.fromkeys(
         key.removesuffix("_status") for row in rows for key in row if key.endswith("_status")
     )
+    said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
     found = []
     for name in names:
-        one = _population(name, rows, domains[name.partition("[")[0]])
+        one = _population(name, rows, domains[name.partition("[")[0]], *said[name])
         if one is not None:
             found.append(one)
     return found
 
 
-def _population(name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate) -> Population | None:
+def _population(
+    name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate, mean: Array, sd: Array
+) -> Population | None:
     fitted = [number for number, row in enumerate(rows) if not row[FAILURE] and f"{name}_status" in row]
-    told = [number for number in fitted if rows[number][f"{name}_status"] == "determined"]
-    if len(told) < FEWEST:
+    groups = np.flatnonzero(np.isfinite(mean) & np.isfinite(sd) & (sd > 0.0))
+    if groups.size < FEWEST:
         return None
-    low, high = (by.to(np.array([rows[n][f"{name}_{end}"] for n in told])) for end in ("lo68", "hi68"))
-    with np.errstate(invalid="ignore"):
-        y, s = 0.5 * (low + high), 0.5 * (high - low)
-    fine = np.isfinite(y) & np.isfinite(s) & (s > 0.0)
-    if fine.sum() < FEWEST:
-        return None
-    groups = np.array(told, dtype=np.intp)[fine]
-    hierarchy = NormalHierarchy.of(y[fine], s[fine])
-    found = outlying_groups(hierarchy)
+    hierarchy = NormalHierarchy.of(mean[groups], sd[groups])
 
     def values(five: Array, to: Callable[[Array], Array] = by.back) -> Quantiles:
         return Quantiles.of(to(five))
 
     return Population(
         name,
+        by,
         groups,
         len(fitted) - groups.size,
         values(hierarchy.centre_quantiles()),
@@ -152,5 +144,6 @@ def _population(name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate) ->
         values(hierarchy.tau_quantiles(), np.asarray),
         values(hierarchy.member_quantiles()),
         hierarchy.shrinkage(),
-        None if found is None else {int(groups[at]): p for at, p in found.items()},
+        membership_p_values(hierarchy),
+        two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_TWO else None,
     )

@@ -85,6 +85,15 @@ class Campaign:
         return sum(not row[FAILURE] for row in self.rows)
 
     @property
+    def outlying(self) -> list[str]:
+        """In which constants each row is not of the population of the others; empty where in none."""
+        named: list[list[str]] = [[] for _ in self.rows]
+        for each in self.populations:
+            for at in each.outlying or {}:
+                named[at].append(each.name)
+        return [", ".join(names) for names in named]
+
+    @property
     def failed(self) -> int:
         """Number of groups without."""
         return len(self.rows) - self.fitted

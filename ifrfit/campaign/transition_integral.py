@@ -62,6 +62,8 @@ class GroupPosteriors:
         Of e_n, the closure constant, mu and kappa.
     quantiles : ndarray, (groups, 4, 5)
         At `LEVELS`.
+    correlation : ndarray, (groups, 3, 3)
+        Of e_n, the closure constant and mu.
     """
 
     resolved: Bool
@@ -69,6 +71,7 @@ class GroupPosteriors:
     chi2: Array
     sd: Array
     quantiles: Array
+    correlation: Array
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,8 @@ def group_posteriors(
             middle, away, bounds = quantiles[:, quantity, 2], clear * sd[:, quantity], domains[quantity]
             resolved &= (middle - away > bounds.lower) & (middle + away < bounds.prior_upper)
             resolved &= sd[:, quantity] < _NARROW * HALF * bounds.prior_sd
-    return GroupPosteriors(resolved, optimum.sliding, optimum.chi2 + e_chi2, sd, quantiles)
+        correlation = _correlation(panels, domain, sd, e_nodes, e_mass)
+    return GroupPosteriors(resolved, optimum.sliding, optimum.chi2 + e_chi2, sd, quantiles, correlation)
 
 
 @dataclass(frozen=True)
@@ -443,6 +447,25 @@ def _mu(panels: _Panels, e_nodes: Array, e_mass: Array) -> tuple[Array, Array]:
 
     ends = panels.edges[:, 0] / scale.max(axis=1), panels.edges[:, -1] / scale.min(axis=1)
     return own_sd, _quantiles(below, first, own_sd, ends)
+
+
+def _correlation(
+    panels: _Panels, domain: tuple[float, float], sd: Array, e_nodes: Array, e_mass: Array
+) -> Array:
+    """Correlations of e_n, the closure constant and mu = kappa/(1 + e_n), (groups, 3, 3)."""
+    mean, _ = panels.moments()
+    low, high = ((end - panels.middle) / panels.width for end in domain)
+    held = ndtr(high) - ndtr(low)
+    slope = (np.exp(-0.5 * low**2) - np.exp(-0.5 * high**2)) / math.sqrt(2.0 * math.pi)
+    own = panels.height * (panels.middle * held + panels.width * slope)
+    with_kappa = _sum(own * (panels.nodes - mean[:, None, None]))
+    inverse = e_mass / (1.0 + e_nodes)
+    e_n = (e_mass * e_nodes).sum(axis=1)
+    with_e_n = mean * (inverse * (e_nodes - e_n[:, None])).sum(axis=1)
+    found = np.tile(np.eye(3), (mean.size, 1, 1))
+    found[:, OWN, MU] = found[:, MU, OWN] = with_kappa * inverse.sum(axis=1) / (sd[:, OWN] * sd[:, MU])
+    found[:, E_N, MU] = found[:, MU, E_N] = with_e_n / (sd[:, E_N] * sd[:, MU])
+    return found
 
 
 def _quantiles(

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
+from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
-from ifrfit.campaign.population import Coordinate, populations
+from ifrfit.campaign.population import populations
 from ifrfit.inference.model.parameters import Parameter
 
 # the eight schools of Rubin (1981), in Gelman et al., Bayesian Data Analysis, table 5.2
@@ -122,9 +123,15 @@ def test_coordinates_go_there_and_back(ends, share):
     np.testing.assert_allclose(by.back(by.to(x)), x, rtol=1e-12, atol=1e-12)
 
 
+ENDS = (("lo", -1.0), ("hi", 1.0))
+WIDTHS = ((68, 1.0), (95, 2.0))
+
+
 def rows_of(values, sd=0.01, status="determined"):
     return [
-        {"failure": "", "mu": v, "mu_lo68": v - sd, "mu_hi68": v + sd, "mu_status": status} for v in values
+        {"failure": "", "mu": v, "mu_status": status}
+        | {f"mu_{end}{level}": v + side * by * sd for end, side in ENDS for level, by in WIDTHS}
+        for v in values
     ]
 
 

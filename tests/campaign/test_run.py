@@ -15,6 +15,7 @@ from refusals import refused
 import ifrfit
 from ifrfit.campaign.report.folder import record
 from ifrfit.campaign.report.page import page
+from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.report.text import summary
 from ifrfit.campaign.run import run_campaign
 from ifrfit.errors import DataError, UsageError
@@ -320,3 +321,56 @@ def test_the_command(tmp_path, monkeypatch):
     assert command("campaign", "none.csv", "--by", "run", "--out", "other").returncode == 3
     assert not (tmp_path / "other").exists()
     assert not list(tmp_path.glob("*.jsonl"))
+
+
+def of_truths(path, truths):
+    """A file of a group for each truth."""
+    lines = [line for place, truth in enumerate(truths) for line in lines_of(f"r{place}", place, **truth)]
+    path.write_text("\n".join([f"run,{HEADER}", *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_two_materials_in_one_campaign_are_named(tmp_path):
+    """Ten groups of mu 0.10 and ten of 0.25 were one population of 0.05 to 0.5."""
+    rng = np.random.default_rng(4)
+    truths = [
+        {"e_n": 0.85, "c": -0.7, "mu": (0.10, 0.25)[n % 2] * rng.uniform(0.96, 1.04)} for n in range(20)
+    ]
+    found = run(of_truths(tmp_path / "all.csv", truths), tmp_path / "out")
+    two = {each.name: each.two for each in found.populations}
+    assert two["e_n"] is None
+    assert two["e_t"] is None
+    assert two["mu"].sizes == (10, 10)
+    said = "mu: two populations describe the groups better than one (p "
+    for text in (summary(found), html.unescape(page(found))):
+        assert said in text
+        assert "make a campaign of each" in text
+    kept = record(found)["populations"]
+    assert kept["e_n"]["two_populations"] == {"p_value": None, "populations": []}
+    assert kept["mu"]["two_populations"]["p_value"] < 1e-3
+    lower, upper = kept["mu"]["two_populations"]["populations"]
+    assert (lower["groups"], upper["groups"]) == (10, 10)
+    assert lower["median_group"] == pytest.approx(0.10, rel=0.05)
+    assert upper["median_group"] == pytest.approx(0.25, rel=0.05)
+    table = results_table(found)
+    assert (table["mu_upper_population"] > 0.5).tolist() == [n % 2 == 1 for n in range(20)]
+    assert "e_n_upper_population" not in table
+
+
+def test_the_table_says_which_groups_are_of_no_population(tmp_path):
+    truths = [{"e_n": 0.85 + 0.002 * n, "c": -0.7, "mu": 0.15} for n in range(11)]
+    truths.append({"e_n": 0.5, "c": -0.7, "mu": 0.15})
+    found = run(of_truths(tmp_path / "all.csv", truths), tmp_path / "out")
+    table = results_table(found)
+    assert table["not_of_the_population"].tolist() == [""] * 11 + ["e_n, kappa"]
+    (kept,) = record(found)["populations"]["e_n"]["not_of_the_population"]
+    assert table["e_n_membership_p"].iloc[11] == kept["p_value"]
+    assert (table["e_n_membership_p"].iloc[:11] > 0.001).all()
+    shown = html.unescape(page(found))
+    assert "not of the population in" in shown
+    assert '<td data-key="e_n, kappa">' in shown
+    clean = run(campaign_file(tmp_path / "clean.csv", runs=5), tmp_path / "other")
+    assert "not of the population in" not in page(clean)
+    assert results_table(clean)["not_of_the_population"].eq("").all()
+    assert "is looked at from 10 groups on" in summary(clean)
+    assert record(clean)["populations"]["mu"]["two_populations"] is None

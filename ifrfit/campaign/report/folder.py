@@ -10,6 +10,7 @@ from ifrfit.campaign.population import Population
 from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.run import Campaign
+from ifrfit.campaign.two_populations import FEWEST_OF_TWO
 from ifrfit.inference.io.json_text import write_json
 from ifrfit.report.atomic_folder import Contents, deliver
 
@@ -71,7 +72,21 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
         "not_of_the_population": None
         if found.outlying is None
         else [{"group": list(campaign.keys[at]), "p_value": p} for at, p in found.outlying.items()],
+        "two_populations": _two(found),
         "median_group": numbers(found.centre),
         "new_group": numbers(found.new),
         "sd_over_groups_in_its_coordinate": numbers(found.tau),
+    }
+
+
+def _two(found: Population) -> dict[str, Any] | None:
+    """The two populations that describe the groups better, or none; None where it was not looked at."""
+    if found.groups.size < FEWEST_OF_TWO:
+        return None
+    if found.two is None:
+        return {"p_value": None, "populations": []}
+    each = zip(found.two.sizes, found.medians_of_two, strict=True)
+    return {
+        "p_value": found.two.p_value,
+        "populations": [{"groups": groups, "median_group": middle} for groups, middle in each],
     }

@@ -44,7 +44,9 @@ class Cell:
 def page(campaign: Campaign) -> str:
     """The page; it needs nothing from elsewhere, and whatever came from a file is escaped."""
     constants = _constants(campaign)
-    head = [*campaign.by, "rows", *constants, "p", "look"]
+    outlying = campaign.outlying
+    odd = any(outlying)  # a column is made where it says something
+    head = [*campaign.by, "rows", *constants, "p", *(["not of the population in"] if odd else []), "look"]
     first = len(campaign.by)
     rows = [
         [
@@ -52,9 +54,10 @@ def page(campaign: Campaign) -> str:
             Cell(str(row["n"]), repr(row["n"])),
             *(_estimate(row, name) for name in constants),
             _p_value(row),
+            *([Cell(names, names)] if odd else []),
             Cell(row.get(LOOK) or "", row.get(LOOK) or ""),
         ]
-        for key, row in zip(campaign.keys, campaign.rows, strict=True)
+        for key, row, names in zip(campaign.keys, campaign.rows, outlying, strict=True)
         if not row[FAILURE]
     ]
     return fill(

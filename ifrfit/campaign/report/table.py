@@ -16,8 +16,10 @@ def results_table(campaign: Campaign) -> pd.DataFrame:
     -------
     DataFrame
         The columns that form the groups, then those of `ifrfit.campaign.group_fit.fit_group`, then
-        ``NAME_pooled``, ``_pooled_lo95``, ``_lo68``, ``_hi68``, ``_hi95`` and ``NAME_shrinkage`` of each
-        constant that was pooled; empty where a group has none.
+        ``NAME_pooled``, ``_pooled_lo95``, ``_lo68``, ``_hi68``, ``_hi95``, ``NAME_shrinkage`` and
+        ``NAME_membership_p`` of each constant that was pooled, and ``NAME_upper_population``, the probability
+        to be of the upper one where there are two; empty where a group has none. Last
+        ``not_of_the_population``, the constants in which a group is not of the population of the others.
     """
     names = list(dict.fromkeys(name for row in campaign.rows for name in row))
     table = pd.DataFrame(list(campaign.rows), columns=names)
@@ -37,4 +39,10 @@ def results_table(campaign: Campaign) -> pd.DataFrame:
             tail = "pooled" if part == "median" else f"pooled_{part}"
             pooled[f"{each.name}_{tail}"] = pd.Series(getattr(each.members, part), index=each.groups)
         pooled[f"{each.name}_shrinkage"] = pd.Series(each.shrinkage, index=each.groups)
+        if each.membership_p is not None:
+            pooled[f"{each.name}_membership_p"] = pd.Series(each.membership_p, index=each.groups)
+        if each.two is not None:
+            pooled[f"{each.name}_upper_population"] = pd.Series(each.two.is_upper, index=each.groups)
+    if any(each.membership_p is not None for each in campaign.populations):
+        pooled["not_of_the_population"] = pd.Series(campaign.outlying, dtype="string")
     return pd.concat([table, pd.DataFrame(pooled, index=table.index)], axis=1)

@@ -8,6 +8,7 @@ from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
 from ifrfit.campaign.normal_hierarchy import FEWEST
 from ifrfit.campaign.population import Population
 from ifrfit.campaign.run import Campaign, label
+from ifrfit.campaign.two_populations import FEWEST_OF_TWO
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.text import decimals, fixed, joined, p_text
 
@@ -68,12 +69,26 @@ def warnings(campaign: Campaign) -> list[str]:
 
 
 def membership(campaign: Campaign) -> list[str]:
-    """Groups that are not of the population of the others, by constant, and where that was not looked for."""
+    """Groups that are not of one population, by constant, and where that was not looked for."""
+    two = [_two(each) for each in campaign.populations if each.two is not None]
     said = [_outlying(campaign, each) for each in campaign.populations if each.outlying]
     if said:
         said.append(
             "What is said of these constants takes all groups as of one population: see what sets these "
             "groups off, and make their campaign without them."
+        )
+    if two:
+        said += [
+            *two,
+            "What is said of the median and of new groups takes two populations as one there, and pooled "
+            "values are drawn to a middle where no group is: see what the groups of each have in common "
+            "(NAME_upper_population of results.parquet), and make a campaign of each.",
+        ]
+    small = [each.name for each in campaign.populations if FEWEST < each.groups.size < FEWEST_OF_TWO]
+    if small:
+        said.append(
+            f"Whether {joined(small)} {'has' if len(small) == 1 else 'have'} two populations of groups, or "
+            f"several groups that hide one another, is looked at from {FEWEST_OF_TWO} groups on."
         )
     few = [each.name for each in campaign.populations if each.outlying is None]
     if few:
@@ -81,6 +96,15 @@ def membership(campaign: Campaign) -> list[str]:
             f"Whether the groups are of one population in {joined(few)} cannot be told from {FEWEST} groups."
         )
     return said
+
+
+def _two(found: Population) -> str:
+    assert found.two is not None
+    (few, many), (low, high) = found.two.sizes, found.medians_of_two
+    return (
+        f"{found.name}: two populations describe the groups better than one (p {p_text(found.two.p_value)}): "
+        f"{few} groups about {low:.3g} and {many} about {high:.3g}."
+    )
 
 
 def _outlying(campaign: Campaign, found: Population) -> str:
