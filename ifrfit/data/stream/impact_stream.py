@@ -230,8 +230,8 @@ class ImpactStream:
         DataError
             A file cannot be read, or changed since it was parted, or a column is not a column of numbers.
         """
-        # glibc's malloc keeps what arrays leave that are no larger than one it has had back: else the pages of
-        # each batch are made anew
+        # glibc's malloc keeps what arrays leave that are no larger than one it has had back: else the pages
+        # of each batch are made anew
         np.empty(_KEPT)
         for piece in portion:
             seen_rows = 0

@@ -176,7 +176,7 @@ def ends_of(values: Array) -> tuple[int, int, float, float]:
 
 
 def _ordered(bits: Any) -> Any:
-    """The bits of doubles as integers of the same order, and back: those of negative ones are turned round."""
+    """The bits of doubles as integers of the same order, and back: those of negative ones turn round."""
     return bits ^ ((bits >> 63) & _SIZE)
 
 
