@@ -59,7 +59,7 @@ def censoring(problem: Problem, found: LeastSquaresFit) -> Fact | None:
                     f"{count} of {readings.rows.size} values of {readings.words} are {at:.6g} exactly, the "
                     f"{word} of all (p = {p_text(p)} by rounding and noise): values beyond look clipped, and "
                     "the constants are off by as much as they miss. Give them as they were read, or leave "
-                    "these impacts out"
+                    "out whole settings, those at which noise reaches that value (not these impacts alone)"
                 )
                 figures = {"observable": readings.observable, "value": at, "n": count, "p": p}
                 return Fact(False, says, figures, FACTS["censoring"])
