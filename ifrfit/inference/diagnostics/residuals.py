@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -234,6 +235,12 @@ def row_name(problem: Problem, i: int) -> str:
 
 def exclude_name(problem: Problem, i: int) -> str:
     """What --exclude takes for a row."""
-    row = problem.observations.table.iloc[i]
-    several = problem.observations.table["source"].nunique() > 1
-    return f"{row['source']}:{row['row']}" if several else str(row["row"])
+    return exclude_names(problem, [i])[0]
+
+
+def exclude_names(problem: Problem, rows: Sequence[int]) -> list[str]:
+    """What --exclude takes for each of some rows."""
+    table = problem.observations.table
+    several = table["source"].nunique() > 1
+    source, row = (table[column].iloc[list(rows)].tolist() for column in ("source", "row"))
+    return [f"{a}:{b}" if several else str(b) for a, b in zip(source, row, strict=True)]

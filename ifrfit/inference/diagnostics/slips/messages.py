@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import short_words
-from ifrfit.inference.diagnostics.residuals import exclude_name
+from ifrfit.inference.diagnostics.residuals import exclude_names
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
 from ifrfit.inference.diagnostics.slips.compared_fit import Slip
 from ifrfit.inference.diagnostics.slips.nuisances import GRAVITY
@@ -349,7 +349,7 @@ def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
 def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     name, observable = slip.name, slip.observable
     if name in ("zero-for-missing", "code-for-missing"):
-        some = [exclude_name(problem, i) for i in slip.rows[:_LONGEST]]
+        some = exclude_names(problem, slip.rows[:_LONGEST])
         more = " and so on" if len(slip.rows) > _LONGEST else ""
         return (
             f"{problem.rows.value[slip.rows[0]]:g} for 'not measured' in {observable} "
@@ -359,7 +359,7 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     axis = "x" if "-x" in name else "y"
     back = "positive is back-spin" if axis == "y" else "positive is minus the right-handed one"
     if name.startswith(("mixed-", "size-of-spin")):
-        lines = list(dict.fromkeys(exclude_name(problem, i) for i in slip.rows))
+        lines = list(dict.fromkeys(exclude_names(problem, slip.rows)))
         more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
         where = f"lines ({', '.join(lines[:_MOST_LINES])}{more})"
         if name.startswith("size"):

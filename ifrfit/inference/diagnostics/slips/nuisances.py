@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -146,6 +146,18 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     return out
 
 
+def flawed(problem: Problem, theta: Array, size: Array, flaw: Callable[[Array], Flaw]) -> Array:
+    """Readings at theta, (m, p), with a flaw of each size, (m,): impacts of one size are worked out once."""
+    each, which = np.unique(size, return_inverse=True)
+    if each.size == 1:
+        return readings(problem, theta, flaw(each[:, None]))
+    out = np.empty((len(theta), len(problem.rows)))
+    for number in range(each.size):
+        at = np.flatnonzero(which == number)
+        out[at] = readings(problem, theta[at], flaw(each[number : number + 1, None]))
+    return out
+
+
 def _read(problem: Problem, theta: Array, flaw: Flaw, observables: Sequence[Observable]) -> list[Array]:
     """Each of these observables of every row's impact, (..., n) each."""
     given, before = problem.rows.incidence, _velocity_before(problem, flaw)
@@ -279,10 +291,11 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
 
     def read(name: str, most: float, usual: float, flaw: Callable[[Array], Flaw]) -> Nuisance:
-        def values(theta: Array, size: Array) -> Array:
-            return readings(problem, theta, flaw(size[:, None]))
+        def of_rows(rows: Index | None = None) -> Sized:
+            part = _part(problem, rows)
+            return lambda theta, size: flawed(part, theta, size, flaw)
 
-        return Nuisance(name, values, (-most, most), usual)
+        return Nuisance(name, of_rows(), (-most, most), usual, of_rows=of_rows)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -313,15 +326,16 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         shown = {each.numerator == "spin" for each in oblique} == {True, False}
         yield Nuisance(
             "inertia-factor",
-            lambda theta, size: of_inertia(problem, theta, size),
+            partial(of_inertia, problem),
             (LEAST / j - 1.0, GREATEST / j - 1.0),
             0.3 if shown else 0.05,
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
+            of_rows=lambda rows: partial(of_inertia, _part(problem, rows)),
         )
     contact = [i for i, name in enumerate(problem.rows.names) if name in _OF_CONTACT]
     on_contact = np.isin(problem.rows.which, contact)
     if on_contact.any():
-        yield Nuisance("contact-scale", _scaled(problem, on_contact.astype(float)), (-0.5, 0.5), 0.05)
+        yield _scaled("contact-scale", problem, on_contact.astype(float), (-0.5, 0.5), 0.05)
     yield from _of_height(problem)
     yield from _of_zeros(problem)
     yield from _of_largest(problem)
@@ -338,11 +352,15 @@ def _of_height(problem: Problem) -> Iterator[Nuisance]:
     kind, most, usual = _HEIGHT if known else _FALL
 
     def read(name: str, before: bool, after: bool) -> Nuisance:
-        def values(theta: Array, size: Array) -> Array:
-            fall = size[:, None] * unit
-            return readings(problem, theta, Flaw(gained=before * fall, lost=after * fall))
+        def of_rows(rows: Index | None = None) -> Sized:
+            part, own = _part(problem, rows), unit if rows is None else unit[rows]
 
-        return Nuisance(name, values, (0.0, most), usual, share=1.0 / 3.0)
+            def flaw(size: Array) -> Flaw:
+                return Flaw(gained=before * size * own, lost=after * size * own)
+
+            return lambda theta, size: flawed(part, theta, size, flaw)
+
+        return Nuisance(name, of_rows(), (0.0, most), usual, share=1.0 / 3.0, of_rows=of_rows)
 
     yield read(kind, before=True, after=True)
     yield read(f"{kind}-before", before=True, after=False)
@@ -357,18 +375,15 @@ def _of_zeros(problem: Problem) -> Iterator[Nuisance]:
 
     usually = float(np.median(speed))
 
-    def of_rows(name: str, rows: Index) -> Sized:
-        part, own = replace(problem, rows=problem.rows.take(rows)), speed[rows]
-        return lambda theta, size: readings(part, theta, zero_of_velocities(name, size[:, None] / own))
+    def of_rows(name: str, rows: Index | None = None) -> Sized:
+        part, own = _part(problem, rows), speed if rows is None else speed[rows]
+        return lambda theta, size: flawed(part, theta, size, lambda x: zero_of_velocities(name, x / own))
 
     def read(name: str) -> Nuisance:
-        def values(theta: Array, size: Array) -> Array:
-            return readings(problem, theta, zero_of_velocities(name, size[:, None] / speed))
-
         low, high, usual = (x * usually for x in _ZEROS[name][1:])
         far = (-usual, usual, 3.0 * usual) if name == _MOVING else ()
         share, some = 1.0 / len(_ZEROS), partial(of_rows, name)
-        return Nuisance(name, values, (low, high), usual, share=share, far=far, of_rows=some)
+        return Nuisance(name, some(), (low, high), usual, share=share, far=far, of_rows=some)
 
     for name in _ZEROS:
         yield read(name)
@@ -385,12 +400,22 @@ def _of_largest(problem: Problem) -> Iterator[Nuisance]:
     for own in problem.groups().values():
         divided[own] = normalised(problem.rows.value[own])
     if divided.any():
-        yield Nuisance("divided-by-largest", _scaled(problem, divided), (-0.5, 2.0), 0.3)
+        yield _scaled("divided-by-largest", problem, divided, (-0.5, 2.0), 0.3)
 
 
-def _scaled(problem: Problem, share: Array) -> Sized:
+def _scaled(name: str, problem: Problem, share: Array, limits: tuple[float, float], usual: float) -> Nuisance:
     """Values of which each row has a share of the size too much, in proportion to itself."""
-    return lambda theta, size: np.asarray(problem.predict(theta) * (1.0 + size[:, None] * share))
+
+    def of_rows(rows: Index | None = None) -> Sized:
+        part, own = _part(problem, rows), share if rows is None else share[rows]
+        return lambda theta, size: np.asarray(part.predict(theta) * (1.0 + size[:, None] * own))
+
+    return Nuisance(name, of_rows(), limits, usual, of_rows=of_rows)
+
+
+def _part(problem: Problem, rows: Index | None) -> Problem:
+    """What predicts some of the rows; all of them where None is given."""
+    return problem if rows is None else replace(problem, rows=problem.rows.take(rows))
 
 
 def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
@@ -398,16 +423,22 @@ def _of_rebound(problem: Problem) -> Iterator[Nuisance]:
     is_rebound = problem.rows.which == problem.rows.names.index(_REBOUND)
     on_rebound = is_rebound.astype(float)
 
-    def zero(theta: Array, size: Array) -> Array:
-        return np.asarray(problem.predict(theta) + size[:, None] * on_rebound)
+    def zero(rows: Index | None = None) -> Sized:
+        part, own = _part(problem, rows), on_rebound if rows is None else on_rebound[rows]
+        return lambda theta, size: np.asarray(part.predict(theta) + size[:, None] * own)
 
-    def of_angles(theta: Array, size: Array) -> Array:
-        read = readings(problem, theta, Flaw(angle=size[:, None]))
-        return np.asarray(read * (1.0 + size[:, None] * on_rebound))
+    def of_angles(rows: Index | None = None) -> Sized:
+        part, own = _part(problem, rows), on_rebound if rows is None else on_rebound[rows]
 
-    yield Nuisance("rebound-zero", zero, (-10.0, 10.0), 2.0)
-    yield Nuisance("rebound-scale", _scaled(problem, on_rebound), (-0.5, 0.5), 0.05)
-    yield Nuisance("angles-scale", of_angles, (-0.5, 0.5), 0.05)
+        def values(theta: Array, size: Array) -> Array:
+            read = flawed(part, theta, size, lambda x: Flaw(angle=x))
+            return np.asarray(read * (1.0 + size[:, None] * own))
+
+        return values
+
+    yield Nuisance("rebound-zero", zero(), (-10.0, 10.0), 2.0, of_rows=zero)
+    yield _scaled("rebound-scale", problem, on_rebound, (-0.5, 0.5), 0.05)
+    yield Nuisance("angles-scale", of_angles(), (-0.5, 0.5), 0.05, of_rows=of_angles)
 
 
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
@@ -482,10 +513,26 @@ def _is_ordered(problem: Problem, along: Array) -> bool:
 
 
 def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
-    """The slip in one series alone."""
-    own = problem.rows.series == number
+    """The slip in one series alone, for one with `of_rows`."""
+    assert nuisance.of_rows is not None
+    of_rows = nuisance.of_rows
 
-    def values(theta: Array, size: Array) -> Array:
-        return np.where(own, nuisance.values(theta, size), problem.predict(theta))
+    def in_series(rows: Index | None = None) -> Sized:
+        part = _part(problem, rows)
+        own = np.flatnonzero(part.rows.series == number)
+        flawed_rows = of_rows(own if rows is None else rows[own])
 
-    return replace(nuisance, values=values, series=problem.series[number], of_rows=None)
+        def values(theta: Array, size: Array) -> Array:
+            out = part.predict(theta)
+            out[..., own] = flawed_rows(theta, size)
+            return out
+
+        return values
+
+    whole = cache(in_series)  # made where a size of it is fitted: most are only tested
+    return replace(
+        nuisance,
+        values=lambda theta, size: whole()(theta, size),
+        series=problem.series[number],
+        of_rows=in_series,
+    )
