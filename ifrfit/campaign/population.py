@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.coordinate import Coordinate
+from ifrfit.campaign.domain_ends import CutByEnd, cuts_of
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
 from ifrfit.campaign.group_likelihood import joint_likelihoods
 from ifrfit.campaign.leave_one_out import below_threshold, membership_p_values
@@ -68,6 +69,8 @@ class Population:
         groups to look, see `ifrfit.campaign.leave_one_out`.
     two : TwoPopulations or None
         What describes the groups better than one population.
+    cut : tuple of CutByEnd
+        Ends of domains that may have moved it.
     """
 
     name: str
@@ -81,6 +84,7 @@ class Population:
     shrinkage: Array = field(repr=False)
     membership_p: Array | None = field(default=None, repr=False)
     two: TwoPopulations | None = None
+    cut: tuple[CutByEnd, ...] = ()
 
     @property
     def outlying(self) -> dict[int, float] | None:
@@ -118,7 +122,7 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
     for name in names:
         one = _population(name, rows, domains[name.partition("[")[0]], *said[name])
         if one is not None:
-            found.append(one)
+            found.append(replace(one, cut=cuts_of(name, one.groups, rows, parameters)))
     return found
 
 

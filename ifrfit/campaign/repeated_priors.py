@@ -16,10 +16,9 @@ from ifrfit.inference.model.parameters import PRIOR_MU, Parameter
 from ifrfit.inference.options import Model, Noise
 from ifrfit.text import joined
 
-_HALF_WIDTHS = 3.0  # of 68 %, from the middle, beyond which a bound cuts nothing that matters
-_SHIFT = (
-    0.25  # of the standard error of the median group: k of n groups, moved by one sd, move it by k/sqrt(n)
-)
+HALF_WIDTHS = 3.0  # of 68 %, from the middle, beyond which a bound cuts nothing that matters
+# of the standard error of the median group: k of n groups, moved by one sd, move it by k/sqrt(n)
+SHIFT = 0.25
 
 
 def prior_reason(model: Model, noise: Noise, parameters: Sequence[Parameter]) -> str:
@@ -58,7 +57,7 @@ def bounds_reason(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parame
     fitted = [row for row in rows if not row[FAILURE]]
     for each in parameters:
         cut = sum(_is_cut(row, each) for row in fitted)
-        if cut > _SHIFT * math.sqrt(len(fitted)):
+        if cut > SHIFT * math.sqrt(len(fitted)):
             return (
                 f"No population is pooled: the bounds of {each.name} cut what {cut} of {len(fitted)} groups "
                 f"say, and would count once for each. Leave --bounds {each.name} out for a population, or "
@@ -73,7 +72,7 @@ def _is_cut(row: Mapping[str, Any], parameter: Parameter) -> bool:
     if parameter.passive is None or parameter.fixed is not None or row.get(f"{name}_lo68") is None:
         return False
     low, high = row[f"{name}_lo68"], row[f"{name}_hi68"]
-    middle, near = 0.5 * (low + high), _HALF_WIDTHS * 0.5 * (high - low)
+    middle, near = 0.5 * (low + high), HALF_WIDTHS * 0.5 * (high - low)
     lower, upper = parameter.passive
     widest = upper if math.isfinite(upper) else max(PRIOR_MU, 2.0 * lower)
     return (parameter.lower > lower and middle - parameter.lower < near) or (

@@ -73,6 +73,10 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
         if found.outlying is None
         else [{"group": list(campaign.keys[at]), "p_value": p} for at, p in found.outlying.items()],
         "two_populations": _two(found),
+        "cut_by_ends": [
+            {"constant": each.constant, "end": each.end, "groups": each.groups, "shift": each.shift}
+            for each in found.cut
+        ],
         "median_group": numbers(found.centre),
         "new_group": numbers(found.new),
         "sd_over_groups_in_its_coordinate": numbers(found.tau),

@@ -24,7 +24,7 @@ def summary(campaign: Campaign) -> str:
             middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
             new = between(float(each.new.lo95), float(each.new.hi95))
             lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
-        lines += [f"  {said}" for said in membership(campaign)]
+        lines += [f"  {said}" for said in (*cut_by_ends(campaign), *membership(campaign))]
     elif campaign.no_population:
         lines += ["", campaign.no_population]
     else:
@@ -94,6 +94,25 @@ def membership(campaign: Campaign) -> list[str]:
     if few:
         said.append(
             f"Whether the groups are of one population in {joined(few)} cannot be told from {FEWEST} groups."
+        )
+    return said
+
+
+def cut_by_ends(campaign: Campaign) -> list[str]:
+    """Ends of domains that may have moved a population, by constant, and what to do."""
+    said, of = [], dict.fromkeys(each.constant for found in campaign.populations for each in found.cut)
+    for found in campaign.populations:
+        for each in found.cut:
+            whose = "its own domain" if each.constant == found.name else f"the domain of {each.constant}"
+            said.append(
+                f"{found.name}: the end {each.end:g} of {whose} cuts what {each.groups} of {campaign.fitted} "
+                "groups say, once for each: the median group may be off by up to some "
+                f"{each.shift:.1f} times its standard error."
+            )
+    if said:
+        said.append(
+            "Where groups are alike, fit their rows at once, as by fit without --by; or measure so closely "
+            f"that no end matters; or fix {joined(list(of), 'or')} where it is known."
         )
     return said
 
