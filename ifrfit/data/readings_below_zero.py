@@ -80,8 +80,8 @@ def made_by_noise(
 def no_noise(observable: Observable) -> str:
     """What is said of a reading below zero, which is to be put in, that noise does not explain."""
     return (
-        f"{{}} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}), and no noise: "
-        f"that reaches {FURTHEST:g} sigma below 0 (where none is stated, {FURTHEST:g} times the "
+        f"{{}} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}), and no "
+        f"noise: that reaches {FURTHEST:g} sigma below 0 (where none is stated, {FURTHEST:g} times the "
         f"scatter of {FEWEST} readings or more), and not on the whole. Correct it or its sign, or "
         "state the sigma of its noise; left out alone, what remains is too large."
     )

@@ -12,8 +12,6 @@ from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
 from ifrfit.data.readings_below_zero import (
-    FEWEST,
-    FURTHEST,
     has_sign,
     made_by_noise,
     no_noise,

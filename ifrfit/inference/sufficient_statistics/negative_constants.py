@@ -47,7 +47,7 @@ def refuse_negative(of: Accumulated) -> None:
 
 def _is_negative(sums: Array, *, known: bool) -> bool:
     """Whether the constant lies so many standard errors below zero that its sign is wrong."""
-    count, along, square, of_values = sums.tolist()
+    count, along, square, of_values = (float(each) for each in sums)
     if square <= 0.0 or along >= 0.0:
         return False
     if known:

@@ -30,6 +30,7 @@ _ROUNDS = 300
 _AT_REST = 1e-5  # of log likelihood
 _MOST_READINGS = 20_000  # by which constants are looked for
 _TINY = 1e-300
+_WORTH_IT = 9.0  # fall of -2 log likelihood from which long tails are asked for, p = 0.003
 _LONG_TAILS = 4.0  # fall of -2 log likelihood by wider errors, from which some are
 _OUTLYING = 0.05  # share of the wider errors, to begin with
 # kinds of row: right and wrong sign, each with errors and with wider ones
@@ -94,7 +95,10 @@ class _Readings:
         if self.z.size > _MOST_READINGS:
             some = spread(self.z.size, _MOST_READINGS)
             part = _Readings(self.z[some], self.w[some], self.series[some])
-        normal, wide = part._turned(0.0), part._turned(_OUTLYING)
+        normal = part._turned(0.0)
+        if 2.0 * float((normal.log - part._plain(0.0).log).sum()) < _WORTH_IT:
+            return 0.0, 0.0, np.zeros(self.z.size, dtype=bool)
+        wide = part._turned(_OUTLYING)
         gain = 2.0 * float((wide.log - normal.log).sum())
         outlying, turned = (_OUTLYING, wide) if gain > _LONG_TAILS else (0.0, normal)
         plain = part._plain(outlying)
