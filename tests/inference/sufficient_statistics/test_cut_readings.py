@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
 from streams import folder_of
 
 import ifrfit
+from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
 from ifrfit.inference.result.assumptions import COMPLETE
 
@@ -169,3 +172,24 @@ def test_one_far_cell_refuses_nothing(tmp_path):
     table.loc[5, ["v_n", "sigma_v_n"]] = -0.9, 1e-4
     fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2), method="lsq")
     assert fit.inputs[0].rows_skipped["v_n impossible"] >= 1
+
+
+def test_sums_below_zero_are_those_of_any_parting():
+    one, other, whole = Tally(), Tally(), Tally()
+    for tally, series in ((one, ["a", "b"]), (other, ["b", "c"])):
+        tally.numbers_of(series)
+        for name in series:
+            tally.note_below("v_n", name, 2, (-1.5, 0.25, 4.0))
+            whole.note_below("v_n", name, 2, (-1.5, 0.25, 4.0))
+    one.merge(Tally.of_dict(json.loads(json.dumps(other.to_dict()))))
+    assert one.below == whole.below
+    assert one.below["v_n"]["b"] == (4, -3.0, 0.5, 8.0)
+
+
+def test_workers_say_the_same(tmp_path):
+    table = grazing(least=40.0, stated=True)
+    table["v_n"] *= -1.0
+    folder = folder_of(tmp_path / "all", table, 3)
+    with pytest.raises(DataError) as refused:
+        ifrfit.fit(folder, method="lsq", workers=2)
+    assert str(refused.value) == said_of(folder)
