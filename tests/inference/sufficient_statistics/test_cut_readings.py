@@ -12,6 +12,7 @@ from streams import folder_of
 import ifrfit
 from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError
+from ifrfit.inference.estimators import LeastSquares
 from ifrfit.inference.result.assumptions import COMPLETE
 
 E_N = 0.5
@@ -191,5 +192,5 @@ def test_workers_say_the_same(tmp_path):
     table["v_n"] *= -1.0
     folder = folder_of(tmp_path / "all", table, 3)
     with pytest.raises(DataError) as refused:
-        ifrfit.fit(folder, method="lsq", workers=2)
+        ifrfit.fit(folder, method=LeastSquares(workers=2))
     assert str(refused.value) == said_of(folder)

@@ -45,8 +45,8 @@ def turned_readings(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
     Returns
     -------
     list of Slip
-        One for each observable that has readings below zero and could show it; p from chi2 of the share, the
-        row that speaks most for it left out.
+        One for each observable that has readings below zero and could show it; p from chi2 of share and
+        constant, the row that speaks most for it left out.
     """
     return list(_looks(problem, fit))
 
@@ -66,7 +66,8 @@ def _looks(problem: Problem, fit: LeastSquaresFit) -> Iterator[Slip]:
             continue
         drop, careful, turned = readings.compared()
         if np.count_nonzero(turned) >= _FEWEST:
-            p = float(special.chdtrc(1, max(careful, 0.0)))
+            # without a constant a table says nothing of the share: near 0 both are free
+            p = float(special.chdtrc(2, max(careful, 0.0)))
             at = tuple(own[turned].tolist())
             yield Slip("mixed-sign-below-zero", drop, p, observable=observable.name, rows=at)
 
