@@ -22,7 +22,7 @@ from ifrfit.physics.observable import Observable
 Mask = NDArray[np.bool_]
 
 FURTHEST = 5.0  # standard uncertainties: one normal error of 3,000,000 reaches as far to one side
-_ON_THE_WHOLE = -4.0  # standard errors of the constant that the readings make, from which their sign is wrong
+ON_THE_WHOLE = -4.0  # standard errors of the constant that the readings make, from which their sign is wrong
 FEWEST = 5  # readings whose scatter tells something
 _MAD = 1.4826  # standard deviation of a normal law over its median absolute deviation
 _KINDS = ("normal", "friction")  # a constant times a slope; |v| is a size, and no noise makes it negative
@@ -77,6 +77,16 @@ def made_by_noise(
     return found
 
 
+def no_noise(observable: Observable) -> str:
+    """What is said of a reading below zero, which is to be put in, that noise does not explain."""
+    return (
+        f"{{}} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}), and no "
+        f"noise: that reaches {FURTHEST:g} sigma below 0 (where none is stated, {FURTHEST:g} times the "
+        f"scatter of {FEWEST} readings or more), and not on the whole. Correct it or its sign, or "
+        "state the sigma of its noise; left out alone, what remains is too large."
+    )
+
+
 def series_of(layout: Layout) -> NDArray[np.str_] | None:
     """Name of the series of each row of a table; None where all are of one."""
     return np.array(layout.texts("series")) if layout.has("series") else None
@@ -93,7 +103,7 @@ def _is_negative(value: Array, slope: Array, error: Array) -> bool:
     """Whether the constant that readings make by weighted least squares is far below zero."""
     there = error > 0.0
     z, weight = value[there] / error[there], slope[there] / error[there]
-    return float(z @ weight) < _ON_THE_WHOLE * float(np.linalg.norm(weight))
+    return float(z @ weight) < ON_THE_WHOLE * float(np.linalg.norm(weight))
 
 
 def _scatter(value: Array, slope: Array) -> float:

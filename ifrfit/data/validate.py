@@ -12,10 +12,9 @@ from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.common_errors import LARGEST_ANGLE, common_columns_in
 from ifrfit.data.readings_below_zero import (
-    FEWEST,
-    FURTHEST,
     has_sign,
     made_by_noise,
+    no_noise,
     series_of,
     within_errors,
 )
@@ -110,10 +109,7 @@ def _broken_rules(piece: Piece, layout: Layout) -> Iterator[tuple[str, Mask, str
             yield (
                 "value",
                 here & outside & (value < 0.0) & (value > -BY_NOISE),
-                f"{{}} is impossible for {name} ({observable.low:g} to {observable.high:g}), and no noise: "
-                f"that reaches {FURTHEST:g} sigma below 0 (where none is stated, {FURTHEST:g} times the "
-                f"scatter of {FEWEST} readings or more), and not on the whole. Correct it or its sign, or "
-                "state the sigma of its noise; left out alone, what remains is too large.",
+                no_noise(observable),
             )
         yield (
             "value",

@@ -21,6 +21,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.double_counting import measurements_of
+from ifrfit.data.readings_below_zero import has_sign
 from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection, check_ranges
 from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies, stream_files, unreadable
@@ -389,7 +390,7 @@ class ImpactStream:
                 low, high = SIGMA_RANGE
                 refused[f"sigma of {name}"] = ~((sigma >= low) & (sigma <= high))
             unused = bad & measured & ~np.any([*settings.values()], axis=0)
-            self._note_cut(tally, name, unused, layout, incidence)
+            self._note_cut(tally, name, unused, layout, incidence, series)
             for reason, bad in refused.items():
                 tally.leave_out(good & bad, reason, cells)
                 good = good & ~bad
@@ -398,7 +399,15 @@ class ImpactStream:
             values[name] = Values(at, value[at], sigma[at])
         return Batch(incidence, np.nan_to_num(gamma), series, values), usable
 
-    def _note_cut(self, tally: Tally, name: str, unused: Mask, layout: Layout, incidence: Incidence) -> None:
+    def _note_cut(
+        self,
+        tally: Tally,
+        name: str,
+        unused: Mask,
+        layout: Layout,
+        incidence: Incidence,
+        series: NDArray[np.intp],
+    ) -> None:
         """Count values just below the least one among those that are left out."""
         of, value = OBSERVABLES[name], layout.numbers(name)
         at = np.flatnonzero(unused & (value < of.low) & (value > of.low - BY_NOISE))
@@ -409,6 +418,11 @@ class ImpactStream:
             pull = float((slope[known] / sigma[known]).sum())
             gamma = np.nan_to_num(layout.gamma()[at], nan=math.inf)  # readings of e_n need no angle
             tally.note_cut(name, at.size, float(value[at].min()), float(gamma.min()), pull)
+            z, s = value[known] / sigma[known], slope[known] / sigma[known]
+            for number in np.unique(series[known]) if has_sign(of) else ():
+                z_own, s_own = (each[series[known] == number] for each in (z, s))
+                sums = float(s_own @ z_own), float(s_own @ s_own), float(z_own @ z_own)
+                tally.note_below(name, tally.series[number], z_own.size, sums)
 
     def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
         """Values of an observable in impacts of which no observable before it has taken the same measurement.

@@ -48,6 +48,9 @@ class Tally:
         Values of an observable left out just below its least one, as noise may make them: how many, the
         least of them, the least angle of incidence at which one stands, degrees, and the sum of their slopes
         with e_n over sigma.
+    below : dict of str to dict of str to (int, float, float, float)
+        Of the same values, by observable and series: how many have a weight, and sums of w s z, w s s and
+        w z z of values z, slopes s of their constant and weights w = sigma^-2, 1 without a sigma.
     """
 
     rows: int = 0
@@ -61,6 +64,7 @@ class Tally:
     read: dict[int, int] = field(default_factory=dict)
     excluded: dict[tuple[int, int], None] = field(default_factory=dict)
     cut: dict[str, tuple[int, float, float, float]] = field(default_factory=dict)
+    below: dict[str, dict[str, tuple[int, float, float, float]]] = field(default_factory=dict)
 
     def note_cut(self, name: str, count: int, least: float, gamma: float, pull: float) -> None:
         """Count values of an observable that are left out just below its least one, see `cut`."""
@@ -70,6 +74,17 @@ class Tally:
             min(known[1], least),
             min(known[2], gamma),
             known[3] + pull,
+        )
+
+    def note_below(self, name: str, series: str, count: int, sums: tuple[float, float, float]) -> None:
+        """Add sums of such values of one series, see `below`."""
+        of_series = self.below.setdefault(name, {})
+        known = of_series.get(series, (0, 0.0, 0.0, 0.0))
+        of_series[series] = (
+            known[0] + count,
+            known[1] + sums[0],
+            known[2] + sums[1],
+            known[3] + sums[2],
         )
 
     def note_sizes(self, cells: Cells, header: str, values: NDArray[np.float64]) -> None:
@@ -145,6 +160,9 @@ class Tally:
             self.note_open(header, said, answered)
         for name, cut in following.cut.items():
             self.note_cut(name, *cut)
+        for name, of_series in following.below.items():
+            for series, (count, *sums) in of_series.items():
+                self.note_below(name, series, count, (sums[0], sums[1], sums[2]))
         return self.numbers_of(following.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,6 +179,7 @@ class Tally:
             "read": list(self.read.items()),
             "excluded": list(self.excluded),
             "cut": self.cut,
+            "below": self.below,
         }
 
     @classmethod
@@ -178,6 +197,10 @@ class Tally:
             dict(map(tuple, found["read"])),
             dict.fromkeys(found["excluded"]),
             {name: (cut[0], cut[1], cut[2], cut[3]) for name, cut in found["cut"].items()},
+            {
+                name: {series: (one[0], one[1], one[2], one[3]) for series, one in of_series.items()}
+                for name, of_series in found["below"].items()
+            },
         )
 
     def _name(self, reason: str, places: list[str]) -> None:

@@ -70,6 +70,7 @@ class Rows:
             name: table[name].to_numpy(dtype=float)
             for name in ("gamma_deg", "spin_x", "spin_y", "value", "sigma_gamma_deg")
         }
+        columns["value"] = columns["value"] + 0.0  # no zero has a sign, in numbers or in text
         gamma = np.nan_to_num(columns["gamma_deg"])
         incidence = Incidence.of(gamma, columns["spin_x"], columns["spin_y"], degrees=True)
         series, series_index = _codes(table["series"])

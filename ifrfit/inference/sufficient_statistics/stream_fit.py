@@ -61,6 +61,7 @@ from ifrfit.inference.sufficient_statistics.facts_of_all import (
 )
 from ifrfit.inference.sufficient_statistics.lack_of_fit_of_means import Rounding, lack_of_fit_of_means
 from ifrfit.inference.sufficient_statistics.moments import N
+from ifrfit.inference.sufficient_statistics.negative_constants import refuse_negative
 from ifrfit.inference.sufficient_statistics.passes import Reader
 from ifrfit.inference.sufficient_statistics.shown_points import shown_points
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
@@ -182,6 +183,7 @@ def fit_stream(
     if not of.groups or not of.sums[:, :, N].any():
         reasons = "; ".join(f"{count} {reason}" for reason, count in of.tally.skipped.items() if count)
         raise DataError(f"{stream.path}: no row can be used ({reasons}). Fill in what was measured.")
+    refuse_negative(of)
     _refuse_few_sigmas(of)
     refuse_tiny_sigmas(stream.path, stream.conventions, of.tally, of.sample, of.largest_sigmas())
     questions = questions_of(of)

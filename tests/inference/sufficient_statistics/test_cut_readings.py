@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
+import pytest
 from streams import folder_of
 
 import ifrfit
+from ifrfit.data.stream.tally import Tally
+from ifrfit.errors import DataError
+from ifrfit.inference.estimators import LeastSquares
 from ifrfit.inference.result.assumptions import COMPLETE
 
 E_N = 0.5
@@ -121,3 +127,70 @@ def test_readings_of_e_n_without_an_angle_are_cut_as_well(tmp_path):
     fact = fit.facts["truncation"]
     assert fact.figures["missing"] == np.count_nonzero(e_n < 0.0)
     assert "--gamma-max" not in fact.says
+
+
+def said_of(source):
+    with pytest.raises(DataError) as refused:
+        ifrfit.fit(source, method="lsq")
+    return str(refused.value)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize("parts", [1, 3])
+def test_a_column_of_the_other_sign_is_refused_as_in_memory(tmp_path, stated, parts):
+    table = grazing(least=40.0, stated=stated)
+    table["v_n"] *= -1.0
+    table.to_csv(tmp_path / "all.csv", index=False)
+    words = "impossible for v_n (0 to 10), and no noise"
+    streamed, whole = said_of(folder_of(tmp_path / "all", table, parts)), said_of(tmp_path / "all.csv")
+    assert words in streamed
+    assert streamed.partition(words)[2] == whole.partition(words)[2]
+    slope = np.cos(np.radians(table["gamma_deg"]))
+    assert f"{float(slope @ table['v_n'] / (slope @ slope)):.3g}" in streamed
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_so_is_one_series_of_it(tmp_path, stated):
+    table = grazing(least=40.0, stated=stated).assign(series="a")
+    table.loc[2500:, "series"] = "b"
+    folder_of(tmp_path / "right", table, 2)
+    ifrfit.fit(tmp_path / "right", method="lsq")
+    table.loc[2500:, "v_n"] *= -1.0
+    assert "of series b: " in said_of(folder_of(tmp_path / "all", table, 2))
+
+
+def test_what_noise_alone_makes_is_refused_in_no_table(tmp_path):
+    # e_n = 0: the constant is below zero in half of them, by 4 standard errors in one of 30,000
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        table = grazing(200, seed=seed, stated=True)
+        table["v_n"] = 0.1 * rng.standard_normal(200)
+        ifrfit.fit(folder_of(tmp_path / str(seed), table, 2), method="lsq")
+
+
+def test_one_far_cell_refuses_nothing(tmp_path):
+    table = grazing(least=30.0, sigma=0.01, stated=True)
+    table.loc[5, ["v_n", "sigma_v_n"]] = -0.9, 1e-4
+    fit = ifrfit.fit(folder_of(tmp_path / "all", table, 2), method="lsq")
+    assert fit.inputs[0].rows_skipped["v_n impossible"] >= 1
+
+
+def test_sums_below_zero_are_those_of_any_parting():
+    one, other, whole = Tally(), Tally(), Tally()
+    for tally, series in ((one, ["a", "b"]), (other, ["b", "c"])):
+        tally.numbers_of(series)
+        for name in series:
+            tally.note_below("v_n", name, 2, (-1.5, 0.25, 4.0))
+            whole.note_below("v_n", name, 2, (-1.5, 0.25, 4.0))
+    one.merge(Tally.of_dict(json.loads(json.dumps(other.to_dict()))))
+    assert one.below == whole.below
+    assert one.below["v_n"]["b"] == (4, -3.0, 0.5, 8.0)
+
+
+def test_workers_say_the_same(tmp_path):
+    table = grazing(least=40.0, stated=True)
+    table["v_n"] *= -1.0
+    folder = folder_of(tmp_path / "all", table, 3)
+    with pytest.raises(DataError) as refused:
+        ifrfit.fit(folder, method=LeastSquares(workers=2))
+    assert str(refused.value) == said_of(folder)

@@ -22,6 +22,7 @@ from ifrfit.inference.diagnostics.slips.compared_fit import (
 )
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.row_slips import missing_values, mixed_readings
+from ifrfit.inference.diagnostics.slips.turned_readings import turned_readings
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array
@@ -47,6 +48,7 @@ def tried(
     `differ` where series do not share constants, `effects` where any shows.
     """
     whole = ComparedFit.of(problem, fit)
+    turned = turned_readings(problem, fit)
     plain = problem.error_model.is_plain
     several = plain and 1 < len(problem.series) <= MOST_SERIES
     # single series are asked along the same slopes
@@ -61,6 +63,7 @@ def tried(
         found += _unsized(whole, alternatives(problem, other_units=of_spins, shifted=shifted))
         found += missing_values(problem, fit)
         found += _mixed(whole)
+    found += turned
     if several:
         found += _in_series(ComparedFit.by_series(problem, fit), slopes or _sized(whole), differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}

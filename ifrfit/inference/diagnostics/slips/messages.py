@@ -178,6 +178,12 @@ _UNSIZED = {
 _MEANT = ("{2} in the column of {0}", "--convention column:{2}={0}")
 _MIXED = {
     "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
+    "mixed-sign-below-zero": (
+        "of the opposite sign",
+        "look at the signs of these lines, and of all that were written down with them (where the value is "
+        "near 0 a wrong sign does not show), and turn those that are wrong; readings below 0 that noise made "
+        "stay",
+    ),
     "mixed-squared": (
         "as a ratio of energies or heights",
         "take the square root of the values of these lines",
