@@ -52,7 +52,7 @@ stream = impact_stream.ImpactStream(
     columns=frozenset(("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ())))
 )
 part = Accumulated.nothing(stream, True, Intervals(BINS), np.arange(BINS) % 1000 == 0)
-impact_stream._reading = lambda piece: batches
+impact_stream._reading = lambda piece: iter(batches)
 Piece.check_unchanged = lambda piece: None
 def read():
     for batch in stream.batches((piece,), part.tally, part.sample):
