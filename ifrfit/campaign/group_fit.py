@@ -98,8 +98,7 @@ def fit_group(question: GroupQuestion, files: GroupedFiles, group: Group) -> Row
     dict
         ``files``, ``rows`` of the files, and ``failure``; where it is empty ``n``, ``n_sliding``,
         ``n_sticking``, provenance, each constant and kappa with sd, intervals and status, the correlations of
-        the free constants, chi2, dof, p_value,
-        whether the optimum is proven, and what calls for a look.
+        the free constants, chi2, dof, p_value, whether the optimum is proven, and what calls for a look.
     """
     row: Row = {"files": ", ".join(group.files), "rows": group.rows, FAILURE: ""}
     try:

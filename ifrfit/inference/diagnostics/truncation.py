@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.data.readings_below_zero import Mask, has_sign
+from ifrfit.data.readings_below_zero import has_sign
 from ifrfit.inference.diagnostics.rounding_step import step_of_readings
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import (
@@ -37,7 +37,7 @@ from ifrfit.inference.diagnostics.thresholds import (
     TIMES_GIVEN,
 )
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import Array, Bool, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
@@ -367,7 +367,7 @@ def _descent(
 
 
 def _step_within(
-    theta: Array, jacobian: Array, residual: Array, free: Mask, lower: Array, upper: Array
+    theta: Array, jacobian: Array, residual: Array, free: Bool, lower: Array, upper: Array
 ) -> Array:
     """Theta after a step of linear least squares: constants that it leads beyond a bound stay on that."""
     found, moving = theta.copy(), free.copy()

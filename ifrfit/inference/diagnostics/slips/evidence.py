@@ -48,7 +48,6 @@ def tried(
     `differ` where series do not share constants, `effects` where any shows.
     """
     whole = ComparedFit.of(problem, fit)
-    turned = turned_readings(problem, fit)
     plain = problem.error_model.is_plain
     several = plain and 1 < len(problem.series) <= MOST_SERIES
     # single series are asked along the same slopes
@@ -63,7 +62,7 @@ def tried(
         found += _unsized(whole, alternatives(problem, other_units=of_spins, shifted=shifted))
         found += missing_values(problem, fit)
         found += _mixed(whole)
-    found += turned
+    found += turned_readings(problem, fit)
     if several:
         found += _in_series(ComparedFit.by_series(problem, fit), slopes or _sized(whole), differ=differ)
         named = {slip.series for slip in found if slip.series and is_decisive(slip)}
