@@ -21,7 +21,7 @@ from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
-from ifrfit.physics.impulse_laws import Coefficients
+from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -186,20 +186,25 @@ class _Cells:
         value = f0 + 0.5 * (f1 * c + f2 * kappa)
         inner = there & (kappa > low) & (kappa < high) & (c > domain[0]) & (c < domain[1])
         value = np.where(inner & (det > 1e-10 * 4.0 * f3 * f5), value, np.inf)
-        # else it lies on a wall, where an impact neither sticks nor slides, or at an end of the domain
-        farthest = np.where(np.isfinite(high), high, low)
-        border, where = self.at(low, domain), low
-        ends = [(self.at(farthest, domain), farthest)]
+        # else it lies on a wall, where an impact is on the transition, or at an end of the domain
+        above = np.where(np.isfinite(high), high, low)
+        for wall in (low, above):
+            own = -(f1 + f4 * wall) / (2.0 * f3)
+            kink = there & (wall > 0.0) & (own > domain[0]) & (own < domain[1])
+            on_wall = np.where(kink, self.at(wall, domain), np.inf)
+            value, kappa = np.minimum(value, on_wall), np.where(on_wall < value, wall, kappa)
+        border, where = np.full_like(value, np.inf), low
         for own in domain:
-            along = np.clip(-(f2 + f4 * own) / (2.0 * f5), low, farthest)
+            along = np.clip(-(f2 + f4 * own) / (2.0 * f5), low, above)
             along = np.where(np.isfinite(along), along, low)
-            ends.append((f0 + f1 * own + f2 * along + f3 * own**2 + f4 * own * along + f5 * along**2, along))
-        for other, place in ends:
-            border, where = np.minimum(border, other), np.where(other < border, place, where)
+            other = f0 + f1 * own + f2 * along + f3 * own**2 + f4 * own * along + f5 * along**2
+            border, where = np.minimum(border, other), np.where(other < border, along, where)
         border = np.where(there, border, np.inf)
-        best = value.min(axis=1)
+        best, cell = value.min(axis=1), value.argmin(axis=1)
         proper = np.isfinite(best) & (border.min(axis=1) > best)
-        sliding = self.count - value.argmin(axis=1)
+        # what is on the transition itself sticks
+        place = np.take_along_axis(kappa, cell[:, None], axis=1) * (1.0 + ROUNDING)
+        sliding = self.count - (self.walls[:, 1:-1] <= place).sum(axis=1)
         return _Optimum(
             best, sliding, proper, np.minimum(value, border), np.where(value < border, kappa, where)
         )
@@ -220,7 +225,7 @@ class _Optimum:
     chi2, sliding : ndarray, (groups,)
         The least, and how many impacts slide there.
     proper : ndarray of bool, (groups,)
-        Whether it is the inner minimum of a cell.
+        Whether it is the minimum inside a cell, or on a wall, with the closure constant inside its domain.
     least, kappa : ndarray, (groups, most + 1)
         The least of each cell, and where it is.
     """

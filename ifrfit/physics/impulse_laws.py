@@ -16,7 +16,7 @@ from ifrfit.physics.angles import Array, Incidence
 
 Bool = NDArray[np.bool_]
 
-_ROUNDING = 1e-12  # relative, by which kappa/tau may miss the bound of sticking where it lies on it
+ROUNDING = 1e-12  # relative, by which kappa/tau may miss the bound of sticking where it lies on it
 
 
 class Law(Protocol):
@@ -94,7 +94,7 @@ def impulse_factor(
     """
     friction, b = friction_factor(incidence, kappa), np.asarray(b)
     # on the transition itself rounding is not to decide
-    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b - _ROUNDING * np.abs(b))
+    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b - ROUNDING * np.abs(b))
 
 
 def friction_factor(incidence: Incidence, kappa: ArrayLike) -> Array:

@@ -6,13 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ifrfit import fit
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, fit_group
 from ifrfit.campaign.plain_groups import fit_groups, plain_rows
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import GroupedFiles
 from ifrfit.inference.estimators import Exact, LeastSquares
 from ifrfit.inference.options import Model, Noise
-from ifrfit.physics import OBSERVABLES, rebound
+from ifrfit.physics import OBSERVABLES, get_closure, rebound
+from ifrfit.physics.compiled_incidence import incidence_of
+from ifrfit.physics.effects.contact import SOLID
 
 PARTS = ("", "_sd", "_lo68", "_hi68", "_lo95", "_hi95")
 
@@ -74,6 +77,26 @@ def test_the_rows_of_the_general_code(tmp_path, name, suffix):
     assert len(found) >= 20
     for place in list(found)[:20]:
         assert_alike(found[place], fit_group(question(), files, groups[place]))
+
+
+def test_an_impact_on_the_transition_sticks(tmp_path):
+    """Some optima are kinks: an impact lies on the transition itself, and both sides rise from there."""
+    table = table_of(150, seed=9, sigma=0.03)
+    files, groups = read(tmp_path, table)
+    found = plain_rows(question(), files, groups)
+    bound = get_closure("IFR").law(SOLID).bound(-0.5)  # whatever the closure constant
+    seen = 0
+    for place, row in found.items():
+        own = table[table["run"] == groups[place].key[0]]
+        best = fit(own.drop(columns="run"), method="lsq")
+        tau = incidence_of(own["gamma_deg"].to_numpy(), np.zeros(len(own)), own["spin_y"].to_numpy()).tau
+        kappa = best.constants["mu"].value * (1.0 + best.constants["e_n"].value)
+        on_transition = np.isclose(bound * tau, kappa, rtol=1e-9, atol=0.0)
+        if on_transition.any():
+            assert row["n_sticking"] == (bound * tau < kappa * (1.0 + 1e-9)).sum()
+            assert_alike(row, fit_group(question(), files, groups[place]))
+            seen += 1
+    assert seen >= 3
 
 
 def test_inertia_and_ranges(tmp_path):
