@@ -6,7 +6,7 @@ group in which anything is out of the ordinary is left to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -24,7 +24,8 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
-from ifrfit.campaign.transition_integral import GroupPosteriors, Tangential, group_posteriors
+from ifrfit.campaign.sticking_sets import Tangential
+from ifrfit.campaign.transition_integral import PANELS, GroupPosteriors, GroupValues, group_posteriors
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
@@ -35,8 +36,11 @@ from ifrfit.data.stream.tally import Tally
 from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.keywords import selection_of
+from ifrfit.inference.model.parameters import Domain, ParameterSet
 from ifrfit.inference.options import Model
 from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.summary.estimates import marginal_of
+from ifrfit.inference.summary.status import Known, estimate_of
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
@@ -140,16 +144,29 @@ def _rows(
     own = np.repeat(np.arange(len(alike)), [len(table) for table in tables])
     clean = np.bincount(own, ~usable, minlength=len(alike)) == 0
     values = _Values.of(batch, own, len(alike), oblique, inertia)
-    parameters = {each.name: each for each in model.parameters(inertia)}
-    names = ("e_n", get_closure(model.closure).constant, "mu")
-    domains = [parameters[str(name)].domain for name in names]
-    posteriors = group_posteriors(values.tangential, values.e_n, values.e_n_weight, law, domains)
-    resolved = posteriors.resolved & clean & values.ordinary & (values.oblique >= _FEW)
-    every = (*map(str, names), KAPPA)
-    return {
-        alike[k]: _row(groups[alike[k]], conventions, every, values, posteriors, k)
-        for k in np.flatnonzero(resolved).tolist()
-    }
+    domains = _domains(model, inertia)
+    settled = clean & values.ordinary & (values.oblique >= _FEW)
+    found: dict[int, Row] = {}
+    for panels in PANELS:
+        left = np.flatnonzero(settled)
+        if not left.size:
+            break
+        posteriors = group_posteriors(values.measured.of(left), law, tuple(domains.values()), panels)
+        for k in np.flatnonzero(posteriors.resolved).tolist():
+            place = int(left[k])
+            counts = int(values.oblique[place]), int(values.n[place])
+            group = groups[alike[place]]
+            found[alike[place]] = _row(group, conventions, domains, posteriors, k, counts)
+        settled[left[posteriors.resolved | ~posteriors.coarse]] = False
+    return found
+
+
+def _domains(model: Model, inertia: float) -> dict[str, Domain]:
+    """Of e_n, the closure constant, mu and kappa."""
+    parameters = ParameterSet(tuple(model.parameters(inertia)), ("",))
+    free = {each.name: each.domain for each in parameters}
+    own = str(get_closure(model.closure).constant)
+    return {"e_n": free["e_n"], own: free[own], "mu": free["mu"], KAPPA: parameters.kappas[0].domain}
 
 
 def _together(tables: Sequence[Cells]) -> Cells:
@@ -184,11 +201,9 @@ def _oblique(layout: Layout, stream: ImpactStream) -> str | None:
 
 @dataclass(frozen=True)
 class _Values:
-    """The measured values of each group, as `group_posteriors` takes them; `oblique` and `n` count them."""
+    """The measured values of each group, how many are tangential and how many there are, and what is odd."""
 
-    tangential: Tangential
-    e_n: Array
-    e_n_weight: Array
+    measured: GroupValues
     oblique: Index
     n: Index
     ordinary: NDArray[np.bool_]
@@ -211,7 +226,7 @@ class _Values:
         normal = _padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
         oblique = np.bincount(own[at], minlength=groups)
         n = oblique + np.bincount(own[at_e], minlength=groups)
-        return cls(Tangential(*padded), normal[0], normal[1], oblique, n, ordinary)
+        return cls(GroupValues(Tangential(*padded), *normal), oblique, n, ordinary)
 
 
 def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[float]) -> list[Array]:
@@ -229,28 +244,38 @@ def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[fl
 def _row(
     group: Group,
     conventions: Conventions,
-    names: Sequence[str],
-    values: _Values,
+    domains: Mapping[str, Domain],
     posteriors: GroupPosteriors,
     k: int,
+    counts: tuple[int, int],
 ) -> Row:
-    """The row of a resolved group."""
+    """The row of a resolved group, the k-th of the posteriors; counts of tangential values, and of all."""
+    oblique, n = counts
     sliding = int(posteriors.sliding[k])
     row: Row = {
         "files": ", ".join(group.files),
         "rows": group.rows,
         FAILURE: "",
-        "n": int(values.n[k]),
+        "n": n,
         "n_sliding": sliding,
-        "n_sticking": int(values.oblique[k]) - sliding,
+        "n_sticking": oblique - sliding,
         PROVENANCE: provenance_words((conventions.provenance,)),
     }
+    names = tuple(domains)
     for quantity, name in enumerate(names):
-        low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
-        sd = float(posteriors.sd[k, quantity])
-        row |= estimate_columns(name, Estimate(median, sd, (low68, high68), (low95, high95), "determined"))
+        row |= estimate_columns(name, _estimate(posteriors, k, quantity, domains[name]))
     for i, j in combinations(range(_FREE), 2):
         row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
-    dof = int(values.n[k]) - _FREE
+    dof = n - _FREE
     chi2 = float(posteriors.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
+
+
+def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain) -> Estimate:
+    """What the posterior says of a quantity; near its bounds the rule for all methods decides."""
+    if posteriors.clear[k, quantity]:
+        low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
+        sd = float(posteriors.sd[k, quantity])
+        return Estimate(median, sd, (low68, high68), (low95, high95), "determined")
+    marginal = marginal_of(posteriors.laws_of(k), str(quantity), domain)
+    return estimate_of(domain, marginal, Known(optimum=float(posteriors.optimum[k, quantity])))

@@ -195,9 +195,24 @@ def test_odd_tables(tmp_path, oddity):
         assert_alike(row, fit_group(question(), files, group))
 
 
-def test_a_group_at_a_bound_is_left(tmp_path):
-    rng = np.random.default_rng(0)
-    table = table_of(4)
-    table["e_n"] = 0.999 + 0.02 * rng.standard_normal(len(table))
+def test_groups_at_bounds(tmp_path):
+    """Glass: e_t near -1, and e_n near 1; the rule of all methods says what the ends of the domains leave."""
+    rng = np.random.default_rng(3)
+    table = table_of(40, seed=3)
+    truth = {
+        run: (rng.uniform(0.96, 1.0), rng.uniform(-1.0, -0.96), rng.uniform(0.05, 0.2))
+        for run in table["run"]
+    }
+    e_n, e_t, mu = np.array([truth[run] for run in table["run"]]).T
+    state = rebound(table["gamma_deg"], 0.0, table["spin_y"], degrees=True, e_n=e_n, e_t=e_t, mu=mu)
+    noise = 0.02 * rng.standard_normal((2, len(table)))
+    table = table.assign(beta=OBSERVABLES["beta"].value(state, mu) + noise[0], e_n=e_n + noise[1])
     files, groups = read(tmp_path, table)
-    assert plain_rows(question(), files, groups) == {}
+    found = plain_rows(question(), files, groups)
+    assert len(found) >= 20
+    alone = {place: fit_group(question(), files, groups[place]) for place in found}
+    for place, row in alone.items():
+        assert_alike(found[place], row)
+    for name in ("e_n", "e_t"):
+        statuses = {row[f"{name}_status"] for row in alone.values()}
+        assert statuses == {"determined", "one_sided"}

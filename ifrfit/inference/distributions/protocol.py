@@ -19,30 +19,12 @@ BANDS = {
 }  # columns of bands to levels
 
 
-class Distribution(Protocol):
-    """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
-
-    Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
-    replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the
-    entries of theta that are free; kappa, or kappa[SERIES] where e_n or mu is separate;
-    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these,
-    transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has quantiles (but no mean, for
-    it may be infinite).
-    """
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Quantities that have a mean, a standard deviation and a distribution function."""
-        ...
+class Marginals(Protocol):
+    """The distribution of each quantity by itself."""
 
     @property
     def resolution(self) -> float:
         """Width, in standard deviations, over which a density can be told at the end of a domain."""
-        ...
-
-    @property
-    def n_draws(self) -> float:
-        """How many different draws it can give; infinite where there is no end to them."""
         ...
 
     def mean(self, name: str) -> float:
@@ -59,6 +41,28 @@ class Distribution(Protocol):
 
     def cdf(self, name: str, value: ArrayLike) -> Any:
         """Probability below a value: 0 at the lower end of the support and 1 at the upper one."""
+        ...
+
+
+class Distribution(Marginals, Protocol):
+    """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
+
+    Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
+    replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the
+    entries of theta that are free; kappa, or kappa[SERIES] where e_n or mu is separate;
+    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these,
+    transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has quantiles (but no mean, for
+    it may be infinite).
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Quantities that have a mean, a standard deviation and a distribution function."""
+        ...
+
+    @property
+    def n_draws(self) -> float:
+        """How many different draws it can give; infinite where there is no end to them."""
         ...
 
     def covariance(self, names: Sequence[str]) -> Array:

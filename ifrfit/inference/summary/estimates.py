@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.protocol import LEVELS, Distribution
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution, Marginals
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.model.parameters import Domain, Parameter
@@ -60,7 +60,7 @@ def marginal_of_normal(normal: TruncatedNormal) -> Marginal:
     )
 
 
-def marginal_of(distribution: Distribution, name: str, domain: Domain) -> Marginal:
+def marginal_of(distribution: Marginals, name: str, domain: Domain) -> Marginal:
     """What a distribution says of a quantity: median, mean, sd, and which bounds its 95 % region reaches."""
     low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
     sd = distribution.sd(name)
@@ -81,7 +81,7 @@ def marginal_of(distribution: Distribution, name: str, domain: Domain) -> Margin
     )
 
 
-def _reached(distribution: Distribution, name: str, lower: float, upper: float) -> tuple[bool, bool]:
+def _reached(distribution: Marginals, name: str, lower: float, upper: float) -> tuple[bool, bool]:
     """Whether the 95 % region of highest density reaches the lower, and the upper bound."""
     sd, mean = distribution.sd(name), distribution.mean(name)
     if sd <= _SAME * abs(mean):  # every draw is the same

@@ -1,0 +1,329 @@
+"""The marginal laws of many groups at once: distribution functions, and what follows from them.
+
+A law holds arrays whose first axis is the group. `below` takes (groups, n) places and gives the probability
+below them and the density there; quantiles follow by Newton's method between the ends of the law.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtr, ndtri
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a panel
+_TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the nodes @ this: coefficients
+_E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
+_E_SPAN = 6.5  # sd of e_n on either side
+_STEPS = 20
+_EXACT = 1e-8  # error of a probability at which a quantile is there
+_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
+
+
+def total(values: Array) -> Array:
+    """Sum of each group one value after the other: zeros, where other groups are longer, change no bit."""
+    return np.asarray(np.cumsum(values.reshape(values.shape[0], -1), axis=1)[:, -1])
+
+
+class GroupLaw(ABC):
+    """The law of one quantity in each of many groups; the fields are arrays, (groups, ...)."""
+
+    mean: Array
+    sd: Array
+
+    @property
+    @abstractmethod
+    def ends(self) -> tuple[Array, Array]:
+        """Where each law begins and ends, (groups,) each."""
+
+    @abstractmethod
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+
+    def of(self, groups: Index) -> Self:
+        """The laws of some groups."""
+        held = {each.name: getattr(self, each.name)[groups] for each in fields(self)}  # type: ignore[arg-type]
+        return replace(self, **held)  # type: ignore[type-var]
+
+    def quantiles(self, levels: Array) -> Array:
+        """Quantiles, (groups, n); nan where Newton's method does not settle."""
+        low, high = (np.repeat(end[:, None], levels.size, axis=1) for end in self.ends)
+        x = np.clip(self.mean[:, None] + self.sd[:, None] * ndtri(levels), low, high)
+        share = np.full_like(x, np.nan)
+        for _ in range(_STEPS):
+            share, density = self.below(x)
+            miss = share - levels
+            if not (np.abs(miss) >= _EXACT).any():  # nan is nobody's
+                break
+            low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
+            step = x - miss / density
+            step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+            x = np.where(np.abs(miss) < _EXACT, x, step)  # what is there stays, whatever others need
+        return np.where(np.abs(share - levels) < 100.0 * _EXACT, x, np.nan)
+
+
+@dataclass(frozen=True)
+class KappaLaw(GroupLaw):
+    """Of kappa: a polynomial in each panel.
+
+    Attributes
+    ----------
+    edges : ndarray, (groups, panels + 1)
+    density : ndarray, (groups, panels, 6)
+        At the nodes of each panel.
+    mean, sd : ndarray, (groups,)
+    powers : ndarray, (groups, panels, 7)
+        Coefficients of the mass up to a place in a panel, from its lower edge on.
+    upto : ndarray, (groups, panels)
+        Probability below each panel.
+    """
+
+    edges: Array
+    mean: Array
+    sd: Array
+    powers: Array
+    upto: Array
+
+    @classmethod
+    def made(cls, edges: Array, nodes: Array, density: Array) -> KappaLaw:
+        """From the density at the nodes, (groups, panels, 6)."""
+        half = 0.5 * np.diff(edges, axis=1)
+        weights = density * WEIGHTS * half[:, :, None]
+        mean = total(weights * nodes)
+        sd = np.sqrt(total(weights * (nodes - mean[:, None, None]) ** 2))
+        inner = (density[..., None] * _TO_POWERS).sum(axis=2) * half[:, :, None]
+        inner /= np.arange(1.0, NODES.size + 1.0)
+        first = -(inner * (-1.0) ** np.arange(1, NODES.size + 1)).sum(axis=2, keepdims=True)
+        mass = (density * WEIGHTS).sum(axis=2) * half
+        return cls(edges, mean, sd, np.concatenate((first, inner), axis=2), np.cumsum(mass, axis=1) - mass)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Where the panels begin and end."""
+        return self.edges[:, 0], self.edges[:, -1]
+
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+        panel = (self.edges[:, None, 1:-1] < x[:, :, None]).sum(axis=2)
+        low, high = (np.take_along_axis(self.edges[:, k:], panel, axis=1) for k in (0, 1))
+        half = 0.5 * (high - low)
+        place = np.clip((x - low - half) / half, -1.0, 1.0)
+        of = np.take_along_axis(self.powers, panel[:, :, None], axis=1)
+        share, slope = np.zeros_like(place), np.zeros_like(place)
+        for k in range(NODES.size, -1, -1):
+            slope = slope * place + share
+            share = share * place + of[:, :, k]
+        outside = (x < self.edges[:, :1]) | (x > self.edges[:, -1:])
+        density = np.where(outside, 0.0, slope / half)
+        return share + np.take_along_axis(self.upto, panel, axis=1), density
+
+
+@dataclass(frozen=True)
+class ConstantLaw(GroupLaw):
+    """Of the closure constant: a mixture of normal laws cut off at its bounds, one for each node of kappa.
+
+    Attributes
+    ----------
+    middle, width, height : ndarray, (groups, nodes)
+        Of each normal law, uncut; heights are masses over what the law has between the bounds.
+    under : ndarray, (groups, nodes)
+        What each law has below the lower bound.
+    low, high, mean, sd : ndarray, (groups,)
+    """
+
+    middle: Array
+    width: Array
+    height: Array
+    under: Array
+    low: Array
+    high: Array
+    mean: Array
+    sd: Array
+
+    @classmethod
+    def made(cls, middle: Array, width: Array, height: Array, domain: tuple[float, float]) -> ConstantLaw:
+        """From the normal law at each node, (groups, panels, 6)."""
+        groups = middle.shape[0]
+        middle, width, height = (each.reshape(groups, -1) for each in (middle, width, height))
+        low, high = ((end - middle) / width for end in domain)
+        under, between = ndtr(low), ndtr(high) - ndtr(low)
+        slope, lean = (
+            (np.exp(-0.5 * low**2) * a - np.exp(-0.5 * high**2) * b) / math.sqrt(2.0 * math.pi)
+            for a, b in ((1.0, 1.0), (low, high))
+        )
+        mean = total(height * (middle * between + width * slope))
+        offset = middle - mean[:, None]
+        square = (offset**2 + width**2) * between + width**2 * lean + 2.0 * offset * width * slope
+        sd = np.sqrt(total(height * square))
+        bounds = np.full(groups, domain[0]), np.full(groups, domain[1])
+        return cls(middle, width, height, under, bounds[0], bounds[1], mean, sd)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Where each law begins and ends."""
+        return self.low, self.high
+
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+        middle, width, height = (each[:, None, :] for each in (self.middle, self.width, self.height))
+        z = (x[:, :, None] - middle) / width
+        share = np.cumsum(height * (ndtr(z) - self.under[:, None, :]), axis=2)[:, :, -1]
+        density = np.cumsum(height * np.exp(-0.5 * z * z) / width, axis=2)[:, :, -1]
+        outside = (x < self.low[:, None]) | (x > self.high[:, None])
+        return share, np.where(outside, 0.0, density / math.sqrt(2.0 * math.pi))
+
+    @property
+    def node_means(self) -> Array:
+        """Mean times mass at each node, (groups, nodes)."""
+        low, high = ((end[:, None] - self.middle) / self.width for end in (self.low, self.high))
+        slope = (np.exp(-0.5 * low**2) - np.exp(-0.5 * high**2)) / math.sqrt(2.0 * math.pi)
+        return self.height * (self.middle * (ndtr(high) - self.under) + self.width * slope)
+
+
+@dataclass(frozen=True)
+class RestitutionLaw(GroupLaw):
+    """Of e_n: a normal law between its bounds, with the Jacobian 1/(1 + e_n) of mu = kappa/(1 + e_n).
+
+    Attributes
+    ----------
+    middle, width : ndarray, (groups,)
+        Of the normal law.
+    low, high : ndarray, (groups,)
+        Where it is cut, by a bound or far out.
+    nodes, mass : ndarray, (groups, 40)
+        Places, and the share of the law that each stands for.
+    scale : ndarray, (groups,)
+        Of the law over the normal density and its Jacobian.
+    mean, sd : ndarray, (groups,)
+    """
+
+    middle: Array
+    width: Array
+    low: Array
+    high: Array
+    nodes: Array
+    mass: Array
+    scale: Array
+    mean: Array
+    sd: Array
+
+    @classmethod
+    def made(cls, middle: Array, width: Array, domain: tuple[float, float]) -> RestitutionLaw:
+        """From mean and sd of the normal law, (groups,) each."""
+        low = np.maximum(middle - _E_SPAN * width, domain[0])
+        high = np.minimum(middle + _E_SPAN * width, domain[1])
+        half = 0.5 * (high - low)
+        nodes = (low + half)[:, None] + half[:, None] * _E_NODES
+        z = (nodes - middle[:, None]) / width[:, None]
+        mass = _E_WEIGHTS * half[:, None] * np.exp(-0.5 * z * z) / (1.0 + nodes)
+        scale = mass.sum(axis=1)
+        mass = mass / scale[:, None]
+        mean = (mass * nodes).sum(axis=1)
+        sd = np.sqrt((mass * (nodes - mean[:, None]) ** 2).sum(axis=1))
+        return cls(middle, width, low, high, nodes, mass, scale, mean, sd)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Where each law begins and ends."""
+        return self.low, self.high
+
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+        at = np.clip(x, self.low[:, None], self.high[:, None])
+        half = 0.5 * (at - self.low[:, None])
+        nodes = self.low[:, None, None] + half[:, :, None] * (1.0 + _E_NODES)
+        z = (nodes - self.middle[:, None, None]) / self.width[:, None, None]
+        share = (_E_WEIGHTS * np.exp(-0.5 * z * z) / (1.0 + nodes)).sum(axis=2) * half
+        own = (x - self.middle[:, None]) / self.width[:, None]
+        density = np.where(at == x, np.exp(-0.5 * own**2) / (1.0 + x), 0.0)
+        return share / self.scale[:, None], density / self.scale[:, None]
+
+
+@dataclass(frozen=True)
+class FrictionLaw(GroupLaw):
+    """Of mu = kappa/(1 + e_n), kappa and e_n independent but for the Jacobian, which is in the law of e_n.
+
+    Attributes
+    ----------
+    kappa : KappaLaw
+    scale, mass : ndarray, (groups, 40)
+        1 + e_n at its nodes, and the share that each stands for.
+    mean, sd : ndarray, (groups,)
+    """
+
+    kappa: KappaLaw
+    scale: Array
+    mass: Array
+    mean: Array
+    sd: Array
+
+    @classmethod
+    def made(cls, kappa: KappaLaw, e_n: RestitutionLaw) -> FrictionLaw:
+        """From both laws."""
+        scale = 1.0 + e_n.nodes
+        mean = kappa.mean * (e_n.mass / scale).sum(axis=1)
+        square = (kappa.mean**2 + kappa.sd**2) * (e_n.mass / scale**2).sum(axis=1)
+        return cls(kappa, scale, e_n.mass, mean, np.sqrt(square - mean**2))
+
+    def of(self, groups: Index) -> FrictionLaw:
+        """The laws of some groups."""
+        arrays = (each[groups] for each in (self.scale, self.mass, self.mean, self.sd))
+        return FrictionLaw(self.kappa.of(groups), *arrays)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Those of kappa over those of 1 + e_n."""
+        low, high = self.kappa.ends
+        return low / self.scale.max(axis=1), high / self.scale.min(axis=1)
+
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+        kappa = x[:, :, None] * self.scale[:, None, :]
+        share, density = self.kappa.below(kappa.reshape(kappa.shape[0], -1))
+        share, density = share.reshape(kappa.shape), density.reshape(kappa.shape)
+        weight = self.mass[:, None]
+        return (share * weight).sum(axis=2), (density * weight * self.scale[:, None]).sum(axis=2)
+
+
+@dataclass(frozen=True)
+class LawsOfOneGroup:
+    """The marginal laws of a single group, as `Marginals`, which the rules for estimates ask.
+
+    Attributes
+    ----------
+    laws : mapping of str to GroupLaw
+        By quantity, each of one group.
+    """
+
+    laws: Mapping[str, GroupLaw]
+
+    @property
+    def resolution(self) -> float:
+        """Width, in sd, over which a density is taken."""
+        return _RESOLUTION
+
+    def mean(self, name: str) -> float:
+        """Mean."""
+        return float(self.laws[name].mean[0])
+
+    def sd(self, name: str) -> float:
+        """Standard deviation."""
+        return float(self.laws[name].sd[0])
+
+    def quantile(self, name: str, p: ArrayLike) -> Any:
+        """Quantiles; p scalar or array, 0 to 1."""
+        found = self.laws[name].quantiles(np.atleast_1d(np.asarray(p, dtype=float)))[0]
+        return float(found[0]) if np.ndim(p) == 0 else found
+
+    def cdf(self, name: str, value: ArrayLike) -> Any:
+        """Probability below a value."""
+        found, _ = self.laws[name].below(np.atleast_1d(np.asarray(value, dtype=float))[None])
+        return float(found[0, 0]) if np.ndim(value) == 0 else found[0]

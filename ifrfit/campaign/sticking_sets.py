@@ -1,0 +1,180 @@
+"""chi2 of many groups for each set of impacts that may stick: quadratics in the closure constant and kappa.
+
+With a closure whose transition does not depend on its constant, kappa alone decides which impacts slide: in
+the order of tau the first k stick. So a group of n values has n + 1 such sets, between walls of kappa at each
+measured tau, and chi2 is a quadratic in each. Its least value over all of them is the certified optimum; it
+lies inside a set, on a wall, where an impact is on the transition, or at an end of the constant's domain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
+from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+_SINGULAR = 1e-10  # of the determinant over the product of the diagonal
+_RIVAL = 4.0  # of chi2 above the best within which another optimum counts
+
+
+@dataclass(frozen=True)
+class Tangential:
+    """Values of each group in the order of tau, (groups, most); the weight of what a group lacks is zero.
+
+    Attributes
+    ----------
+    tau : ndarray
+        Infinite where there is no value.
+    factor : ndarray
+        Impulse factor z = r/s that a value stands for.
+    weight : ndarray
+        s^2/sigma^2.
+    """
+
+    tau: Array
+    factor: Array
+    weight: Array
+
+    def of(self, groups: Index) -> Tangential:
+        """The values of some groups."""
+        return Tangential(self.tau[groups], self.factor[groups], self.weight[groups])
+
+
+@dataclass(frozen=True)
+class StickingSets:
+    """The quadratics in (c, kappa) of each set of impacts that may stick: the first k by tau, k = 0, 1, ...
+
+    Attributes
+    ----------
+    walls : ndarray, (groups, most + 2)
+        kappa between the sets, from 0 to infinity.
+    count : ndarray of int, (groups,)
+    forms : ndarray, (6, groups, most + 1)
+        chi2 = f0 + f1 c + f2 kappa + f3 c^2 + f4 c kappa + f5 kappa^2.
+    """
+
+    walls: Array
+    count: Index
+    forms: Array
+
+    @classmethod
+    def of(cls, rows: Tangential, law: Coefficients) -> StickingSets:
+        """From the values of the groups; `law` with b1 = 0."""
+        tau, z, w = rows.tau, rows.factor, rows.weight
+        x = 1.0 / tau
+        terms = np.stack((w, w * z, w * z * z, w * x, w * x * x, w * z * x))  # as `row_products` has them
+        none = np.zeros((*terms.shape[:2], 1))
+        # not as what is left of all: where 1/tau is large the difference would lose its digits
+        above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
+        below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
+        sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
+        cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law)[:SIZE], sums, 1)
+        forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk))
+        edge = np.zeros((tau.shape[0], 1))
+        walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)
+        return cls(walls, np.isfinite(tau).sum(axis=1), forms)
+
+    def at(self, kappa: Array, domain: tuple[float, float]) -> Array:
+        """Least chi2 over the closure constant in each set, at a kappa for each, (groups, most + 1)."""
+        f0, f1, f2, f3, f4, f5 = self.forms
+        own = self.constant(kappa, domain)
+        return np.asarray(f0 + f1 * own + f2 * kappa + f3 * own**2 + f4 * own * kappa + f5 * kappa**2)
+
+    def constant(self, kappa: Array, domain: tuple[float, float]) -> Array:
+        """The closure constant that is best at a kappa for each set, (groups, most + 1)."""
+        _, f1, _, f3, f4, _ = self.forms
+        return np.asarray(np.clip(-(f1 + f4 * kappa) / (2.0 * f3), *domain))
+
+    def minima(self, domain: tuple[float, float]) -> GroupOptima:
+        """The least chi2 of each set, with the closure constant in its domain, and the least of all."""
+        f0, f1, f2, f3, f4, f5 = self.forms
+        low, high = self.walls[:, :-1], self.walls[:, 1:]
+        there = np.arange(low.shape[1]) <= self.count[:, None]
+        det = 4.0 * f3 * f5 - f4 * f4
+        c, inner = (f4 * f2 - 2.0 * f5 * f1) / det, (f4 * f1 - 2.0 * f3 * f2) / det
+        inside = (inner > low) & (inner < high) & (c > domain[0]) & (c < domain[1])
+        inside &= det > _SINGULAR * 4.0 * f3 * f5
+        least = np.where(inside, f0 + 0.5 * (f1 * c + f2 * inner), np.inf)
+        kappa = np.where(inside, inner, low)
+        above = np.where(np.isfinite(high), high, low)
+        tried = [low, above]  # and along the ends of the domain
+        for own in domain:
+            along = np.clip(-(f2 + f4 * own) / (2.0 * f5), low, above)
+            tried.append(np.where(np.isfinite(along), along, low))
+        for place in tried:
+            other = self.at(place, domain)
+            least, kappa = np.minimum(least, other), np.where(other < least, place, kappa)
+        return GroupOptima.of(self, np.where(there, least, np.inf), kappa, domain)
+
+
+@dataclass(frozen=True)
+class GroupOptima:
+    """The best of all sets of each group, and the least of each set.
+
+    Attributes
+    ----------
+    chi2, kappa, constant : ndarray, (groups,)
+        The least of all, and where it is.
+    sliding : ndarray of int, (groups,)
+        How many impacts slide there; one on the transition itself sticks.
+    kappa_variance, constant_variance : ndarray, (groups,)
+        By the curvature there, before anything is cut; infinite where the data leave it open.
+    beyond : ndarray, (groups,)
+        How far the constant, were it free, would lie outside its domain there, in sd given kappa.
+    kappa_apart, constant_apart : ndarray, (groups,)
+        How far from it the outermost sets lie that describe the data nearly as well.
+    least, places : ndarray, (groups, most + 1)
+        The least of each set, and its kappa.
+    """
+
+    chi2: Array
+    kappa: Array
+    constant: Array
+    sliding: Index
+    kappa_variance: Array
+    constant_variance: Array
+    beyond: Array
+    kappa_apart: Array
+    constant_apart: Array
+    least: Array
+    places: Array
+
+    @classmethod
+    def of(cls, sets: StickingSets, least: Array, places: Array, domain: tuple[float, float]) -> GroupOptima:
+        """From the least of each set."""
+        groups = np.arange(least.shape[0])
+        chi2, best = least.min(axis=1), least.argmin(axis=1)
+        constants = sets.constant(places, domain)
+        kappa, own = places[groups, best], constants[groups, best]
+        # what is on the transition itself sticks
+        sticking = (sets.walls[:, 1:-1] <= kappa[:, None] * (1.0 + ROUNDING)).sum(axis=1)
+        f1, _, f3, f4, f5 = sets.forms[1:, groups, sticking]
+        free = -(f1 + f4 * kappa) / (2.0 * f3)
+        det = f3 * f5 - 0.25 * f4**2
+        seen = det > _SINGULAR * f3 * f5
+        near = least <= chi2[:, None] + _RIVAL
+        ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
+        kappa_apart, own_apart = (
+            np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
+            for each, at in ((places, kappa), (constants, own))
+        )
+        return cls(
+            chi2=chi2,
+            kappa=kappa,
+            constant=own,
+            sliding=sets.count - sticking,
+            kappa_variance=np.where(seen, f3 / det, np.inf),
+            constant_variance=np.where(seen, f5 / det, np.inf),
+            beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
+            kappa_apart=kappa_apart,
+            constant_apart=own_apart,
+            least=least,
+            places=places,
+        )
