@@ -50,8 +50,8 @@ class GroupLaw(ABC):
 
     def of(self, groups: Index) -> Self:
         """The laws of some groups."""
-        held = {each.name: getattr(self, each.name)[groups] for each in fields(self)}  # type: ignore[arg-type]
-        return replace(self, **held)  # type: ignore[type-var]
+        arrays = {each.name: getattr(self, each.name)[groups] for each in fields(self)}  # type: ignore[arg-type]
+        return replace(self, **arrays)  # type: ignore[type-var]
 
     def quantiles(self, levels: Array) -> Array:
         """Quantiles, (groups, n); nan where Newton's method does not settle."""

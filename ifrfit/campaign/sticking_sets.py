@@ -128,7 +128,7 @@ class GroupOptima:
         By the curvature there, before anything is cut; infinite where the data leave it open.
     beyond : ndarray, (groups,)
         How far the constant, were it free, would lie outside its domain there, in sd given kappa.
-    kappa_apart, constant_apart : ndarray, (groups,)
+    kappa_distance, constant_distance : ndarray, (groups,)
         How far from it the outermost sets lie that describe the data nearly as well.
     least, places : ndarray, (groups, most + 1)
         The least of each set, and its kappa.
@@ -141,8 +141,8 @@ class GroupOptima:
     kappa_variance: Array
     constant_variance: Array
     beyond: Array
-    kappa_apart: Array
-    constant_apart: Array
+    kappa_distance: Array
+    constant_distance: Array
     least: Array
     places: Array
 
@@ -161,7 +161,7 @@ class GroupOptima:
         seen = det > _SINGULAR * f3 * f5
         near = least <= chi2[:, None] + _RIVAL
         ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
-        kappa_apart, own_apart = (
+        kappa_distance, own_distance = (
             np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
             for each, at in ((places, kappa), (constants, own))
         )
@@ -173,8 +173,8 @@ class GroupOptima:
             kappa_variance=np.where(seen, f3 / det, np.inf),
             constant_variance=np.where(seen, f5 / det, np.inf),
             beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
-            kappa_apart=kappa_apart,
-            constant_apart=own_apart,
+            kappa_distance=kappa_distance,
+            constant_distance=own_distance,
             least=least,
             places=places,
         )

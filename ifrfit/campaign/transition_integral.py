@@ -51,7 +51,7 @@ _CLEAR = (
 )  # sd from a bound at which nothing is asked of it; the rule asks for less than 2
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 _NARROW = 0.9  # of the sd below which a constant counts as determined
-_REACH = 1.25 * 1.96  # sd about the optimum within which a rival needs no second look
+_RIVAL_WIDTH = 1.25 * 1.96  # sd about the optimum within which a rival needs no second look
 _WIDEST = 0.6  # sd of a panel
 _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
 
@@ -177,14 +177,16 @@ def _are_seen(optima: GroupOptima, e_n: Array, e_sd: Array, domains: Sequence[Do
     kappa_sd, own_sd = np.sqrt(optima.kappa_variance), np.sqrt(optima.constant_variance)
     none = np.zeros_like(e_n)
     seen = np.ones(e_n.size, dtype=bool)
-    for quantity, sd, apart in (
+    for quantity, sd, distance in (
         (E_N, e_sd, none),
-        (OWN, own_sd, optima.constant_apart),
-        (MU, mu_sd, optima.kappa_apart / scale),
-        (KAPPA, kappa_sd, optima.kappa_apart),
+        (OWN, own_sd, optima.constant_distance),
+        (MU, mu_sd, optima.kappa_distance / scale),
+        (KAPPA, kappa_sd, optima.kappa_distance),
     ):
         enough = _NARROW * HALF * domains[quantity].prior_sd
-        seen &= (sd < enough) & ((apart < _NARROW * _REACH * sd) | (apart + _REACH * sd < enough))
+        seen &= (sd < enough) & (
+            (distance < _NARROW * _RIVAL_WIDTH * sd) | (distance + _RIVAL_WIDTH * sd < enough)
+        )
     return seen
 
 
