@@ -50,8 +50,14 @@ class GroupLaw(ABC):
 
     def of(self, groups: Index) -> Self:
         """The laws of some groups."""
-        arrays = {each.name: getattr(self, each.name)[groups] for each in fields(self)}  # type: ignore[arg-type]
-        return replace(self, **arrays)  # type: ignore[type-var]
+
+        def of_groups(value: Any) -> Any:
+            if isinstance(value, GroupLaw):
+                return value.of(groups)
+            return value[groups] if isinstance(value, np.ndarray) else value
+
+        every = {each.name: of_groups(getattr(self, each.name)) for each in fields(self)}  # type: ignore[arg-type]
+        return replace(self, **every)  # type: ignore[type-var]
 
     def quantiles(self, levels: Array) -> Array:
         """Quantiles, (groups, n); nan where Newton's method does not settle."""
@@ -64,7 +70,8 @@ class GroupLaw(ABC):
             if not (np.abs(miss) >= _EXACT).any():  # nan is nobody's
                 break
             low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
-            step = x - miss / density
+            with np.errstate(divide="ignore", invalid="ignore"):  # a step without end is not taken
+                step = x - miss / density
             step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
             x = np.where(np.abs(miss) < _EXACT, x, step)  # what is there stays, whatever others need
         return np.where(np.abs(share - levels) < 100.0 * _EXACT, x, np.nan)
@@ -153,8 +160,16 @@ class ConstantLaw(GroupLaw):
         """From the normal law at each node, (groups, panels, 6)."""
         groups = middle.shape[0]
         middle, width, height = (each.reshape(groups, -1) for each in (middle, width, height))
-        low, high = ((end - middle) / width for end in domain)
-        under, between = ndtr(low), ndtr(high) - ndtr(low)
+        bounds = np.full(groups, domain[0]), np.full(groups, domain[1])
+        under = ndtr((domain[0] - middle) / width)
+        alone = cls(middle, width, height, under, *bounds, bounds[0], bounds[0])
+        return alone.weighted(np.ones_like(height))
+
+    def weighted(self, weight: Array) -> ConstantLaw:
+        """The same normal laws with other masses, (groups, nodes) times as large."""
+        middle, width, height = self.middle, self.width, self.height * weight
+        low, high = ((end[:, None] - middle) / width for end in (self.low, self.high))
+        between = ndtr(high) - self.under
         slope, lean = (
             (np.exp(-0.5 * low**2) * a - np.exp(-0.5 * high**2) * b) / math.sqrt(2.0 * math.pi)
             for a, b in ((1.0, 1.0), (low, high))
@@ -162,9 +177,7 @@ class ConstantLaw(GroupLaw):
         mean = total(height * (middle * between + width * slope))
         offset = middle - mean[:, None]
         square = (offset**2 + width**2) * between + width**2 * lean + 2.0 * offset * width * slope
-        sd = np.sqrt(total(height * square))
-        bounds = np.full(groups, domain[0]), np.full(groups, domain[1])
-        return cls(middle, width, height, under, bounds[0], bounds[1], mean, sd)
+        return replace(self, height=height, mean=mean, sd=np.sqrt(total(height * square)))
 
     @property
     def ends(self) -> tuple[Array, Array]:
@@ -179,6 +192,11 @@ class ConstantLaw(GroupLaw):
         density = np.cumsum(height * np.exp(-0.5 * z * z) / width, axis=2)[:, :, -1]
         outside = (x < self.low[:, None]) | (x > self.high[:, None])
         return share, np.where(outside, 0.0, density / math.sqrt(2.0 * math.pi))
+
+    @property
+    def node_masses(self) -> Array:
+        """Mass of each node, (groups, nodes)."""
+        return np.asarray(self.height * (ndtr((self.high[:, None] - self.middle) / self.width) - self.under))
 
     @property
     def node_means(self) -> Array:
@@ -237,14 +255,21 @@ class RestitutionLaw(GroupLaw):
 
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""
-        at = np.clip(x, self.low[:, None], self.high[:, None])
-        half = 0.5 * (at - self.low[:, None])
-        nodes = self.low[:, None, None] + half[:, :, None] * (1.0 + _E_NODES)
-        z = (nodes - self.middle[:, None, None]) / self.width[:, None, None]
-        share = (_E_WEIGHTS * np.exp(-0.5 * z * z) / (1.0 + nodes)).sum(axis=2) * half
+        low = np.broadcast_to(self.low[:, None], x.shape)
+        _, mass = self.between(low, x)
         own = (x - self.middle[:, None]) / self.width[:, None]
-        density = np.where(at == x, np.exp(-0.5 * own**2) / (1.0 + x), 0.0)
-        return share / self.scale[:, None], density / self.scale[:, None]
+        inside = (x >= low) & (x <= self.high[:, None])
+        density = np.where(inside, np.exp(-0.5 * own**2) / (1.0 + x), 0.0)
+        return mass.sum(axis=2), density / self.scale[:, None]
+
+    def between(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Nodes between some places of each group, (groups, n), and their masses, (groups, n, 40) each."""
+        low, high = (np.clip(each, self.low[:, None], self.high[:, None]) for each in (low, high))
+        half = 0.5 * (high - low)
+        nodes = low[:, :, None] + half[:, :, None] * (1.0 + _E_NODES)
+        z = (nodes - self.middle[:, None, None]) / self.width[:, None, None]
+        mass = half[:, :, None] * _E_WEIGHTS * np.exp(-0.5 * z * z) / (1.0 + nodes)
+        return nodes, mass / self.scale[:, None, None]
 
 
 @dataclass(frozen=True)
@@ -272,11 +297,6 @@ class FrictionLaw(GroupLaw):
         mean = kappa.mean * (e_n.mass / scale).sum(axis=1)
         square = (kappa.mean**2 + kappa.sd**2) * (e_n.mass / scale**2).sum(axis=1)
         return cls(kappa, scale, e_n.mass, mean, np.sqrt(square - mean**2))
-
-    def of(self, groups: Index) -> FrictionLaw:
-        """The laws of some groups."""
-        arrays = (each[groups] for each in (self.scale, self.mass, self.mean, self.sd))
-        return FrictionLaw(self.kappa.of(groups), *arrays)
 
     @property
     def ends(self) -> tuple[Array, Array]:

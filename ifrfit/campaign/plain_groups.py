@@ -25,7 +25,7 @@ from ifrfit.campaign.group_fit import (
     fit_group,
 )
 from ifrfit.campaign.sticking_sets import Tangential
-from ifrfit.campaign.transition_integral import PANELS, GroupPosteriors, GroupValues, group_posteriors
+from ifrfit.campaign.transition_integral import INTEGRATIONS, GroupPosteriors, GroupValues, group_posteriors
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
@@ -145,19 +145,19 @@ def _rows(
     clean = np.bincount(own, ~usable, minlength=len(alike)) == 0
     values = _Values.of(batch, own, len(alike), oblique, inertia)
     domains = _domains(model, inertia)
-    settled = clean & values.ordinary & (values.oblique >= _FEW)
+    pending = clean & values.ordinary & (values.oblique >= _FEW)
     found: dict[int, Row] = {}
-    for panels in PANELS:
-        left = np.flatnonzero(settled)
+    for how in INTEGRATIONS:
+        left = np.flatnonzero(pending)
         if not left.size:
             break
-        posteriors = group_posteriors(values.measured.of(left), law, tuple(domains.values()), panels)
+        posteriors = group_posteriors(values.measured.of(left), law, tuple(domains.values()), how)
         for k in np.flatnonzero(posteriors.resolved).tolist():
             place = int(left[k])
             counts = int(values.oblique[place]), int(values.n[place])
             group = groups[alike[place]]
             found[alike[place]] = _row(group, conventions, domains, posteriors, k, counts)
-        settled[left[posteriors.resolved | ~posteriors.coarse]] = False
+        pending[left[posteriors.resolved]] = False
     return found
 
 

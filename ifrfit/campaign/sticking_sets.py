@@ -129,7 +129,8 @@ class GroupOptima:
     beyond : ndarray, (groups,)
         How far the constant, were it free, would lie outside its domain there, in sd given kappa.
     kappa_distance, constant_distance : ndarray, (groups,)
-        How far from it the outermost sets lie that describe the data nearly as well.
+        How far from it the outermost sets lie that describe the data nearly as well; infinite for kappa where
+        that is so of the set in which every impact sticks.
     least, places : ndarray, (groups, most + 1)
         The least of each set, and its kappa.
     """
@@ -165,6 +166,8 @@ class GroupOptima:
             np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
             for each, at in ((places, kappa), (constants, own))
         )
+        # where every impact sticks kappa has no upper end
+        kappa_distance = np.where(near[groups, sets.count], np.inf, kappa_distance)
         return cls(
             chi2=chi2,
             kappa=kappa,

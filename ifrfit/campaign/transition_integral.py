@@ -28,6 +28,7 @@ from ifrfit.campaign.group_laws import (
     RestitutionLaw,
     total,
 )
+from ifrfit.campaign.open_friction import laws_up_to, plateau_nodes
 from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets, Tangential
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
@@ -42,7 +43,6 @@ E_N, OWN, MU, KAPPA = range(4)  # quantities; OWN is the closure constant
 
 _NEAR = 48.0  # of chi2 above the best within which the sharpness of kappa is looked at
 _LOST = math.log(1e-6)  # of the variance of kappa, at most, beyond where the panels end
-PANELS = (44, 176)  # besides those that end at transitions; the more, the rarer
 _CLEAR = (
     6.0,
     3.5,
@@ -64,8 +64,6 @@ class GroupPosteriors:
     ----------
     resolved : ndarray of bool
         Whether it was settled; the others are for the general code.
-    coarse : ndarray of bool
-        Whether it was not for want of panels.
     clear : ndarray of bool, (groups, 4)
         Whether e_n, the closure constant, mu and kappa lie well inside their bounds.
     sliding : ndarray of int
@@ -84,7 +82,6 @@ class GroupPosteriors:
     """
 
     resolved: Bool
-    coarse: Bool
     clear: Bool
     sliding: Index
     chi2: Array
@@ -119,8 +116,28 @@ class GroupValues:
         return GroupValues(self.tangential.of(groups), self.e_n[groups], self.e_n_weight[groups])
 
 
+@dataclass(frozen=True)
+class Integration:
+    """How the integral over kappa is done, and for which groups.
+
+    Attributes
+    ----------
+    panels : int
+        Besides those that end at transitions.
+    is_open : bool
+        Whether kappa has mass up to the end of its domain.
+    """
+
+    panels: int
+    is_open: bool
+
+
+# what most groups need, first
+INTEGRATIONS = tuple(Integration(panels, is_open) for panels in (44, 176) for is_open in (False, True))
+
+
 def group_posteriors(
-    values: GroupValues, law: Coefficients, domains: Sequence[Domain], panels: int = PANELS[0]
+    values: GroupValues, law: Coefficients, domains: Sequence[Domain], how: Integration
 ) -> GroupPosteriors:
     """Certified optimum and posterior of each group.
 
@@ -131,25 +148,35 @@ def group_posteriors(
         With b1 = 0.
     domains : sequence of Domain
         Of e_n, the closure constant, mu and kappa.
-    panels : int
-        Of the integral over kappa, besides those that end at transitions.
+    how : Integration
+        Groups that are not of its kind stay unresolved.
     """
     own_domain, e_domain = ((domains[one].lower, domains[one].upper) for one in (OWN, E_N))
+    most = domains[MU].prior_upper
     with np.errstate(all="ignore"):  # what is not finite is not resolved
         sets = StickingSets.of(values.tangential, law)
         optima = sets.minima(own_domain)
         e_hat, e_sd = _normal(values.e_n, values.e_n_weight)
         e_best = np.clip(e_hat, *e_domain)
-        grid = _Panels.of(sets, optima, own_domain, domains[KAPPA].prior_upper, panels)
-        grid = grid.where(grid.fine)
         restitution = RestitutionLaw.made(e_hat, e_sd, e_domain)
+        ends = _Ends.of(sets, optima, own_domain, domains[KAPPA].prior_upper)
+        beyond = most * (1.0 + plateau_nodes(restitution)) if how.is_open else None
+        grid = _Panels.of(sets, optima, own_domain, ends, how.panels, beyond)
+        fine = ends.is_open if how.is_open else ends.is_closed
+        fine = fine & ((ends.high - ends.low) < _WIDEST * how.panels * ends.sd)
+        grid = grid.where(fine)
         kappa = KappaLaw.made(grid.edges, grid.nodes, grid.density)
         own = ConstantLaw.made(grid.middle, grid.width, grid.height, own_domain)
-        laws = (restitution, own, FrictionLaw.made(kappa, restitution), kappa)
+        if how.is_open:
+            laws, correlation = laws_up_to(most, restitution, own, kappa, grid.nodes, grid.density)
+        else:
+            laws = (restitution, own, FrictionLaw.made(kappa, restitution), kappa)
+            correlation = _correlation(laws, grid)
         quantiles = np.stack([each.quantiles(np.array(LEVELS)) for each in laws], axis=1)
         sd = np.stack([each.sd for each in laws], axis=1)
-        resolved = grid.fine & np.isfinite(sd).all(axis=1) & np.isfinite(quantiles).all(axis=(1, 2))
-        resolved &= (optima.kappa > 0.0) & (grid.edges[:, -1] < domains[MU].prior_upper)
+        resolved = fine & np.isfinite(sd).all(axis=1) & np.isfinite(quantiles).all(axis=(1, 2))
+        # beyond, mass of mu ends at its domain for some e_n only
+        resolved &= (optima.kappa > 0.0) & (ends.high < most * (1.0 + restitution.low))
         resolved &= np.maximum(e_domain[0] - e_hat, e_hat - e_domain[1]) < _OUTSIDE * e_sd
         resolved &= optima.beyond < _OUTSIDE
         # the nodes of e_n would see steps where kappa is known much better
@@ -158,10 +185,7 @@ def group_posteriors(
         clear = np.stack([_is_clear(sd, quantiles, domains, one) for one in range(len(laws))], axis=1)
         optimum = np.stack((e_best, optima.constant, optima.kappa / (1.0 + e_best), optima.kappa), axis=1)
         chi2 = optima.chi2 + total(values.e_n_weight * (values.e_n - e_best[:, None]) ** 2)
-        correlation = _correlation(laws, grid)
-    return GroupPosteriors(
-        resolved, grid.coarse, clear, optima.sliding, chi2, optimum, sd, quantiles, correlation, laws
-    )
+    return GroupPosteriors(resolved, clear, optima.sliding, chi2, optimum, sd, quantiles, correlation, laws)
 
 
 def _normal(e_n: Array, weight: Array) -> tuple[Array, Array]:
@@ -212,8 +236,6 @@ class _Panels:
         Of the normal law of the closure constant given kappa.
     height : ndarray, (groups, panels, 6)
         Mass of each node over what its normal law holds between the bounds.
-    fine, coarse : ndarray of bool, (groups,)
-        Whether the panels hold everything, and are narrow, or not.
     """
 
     edges: Array
@@ -222,8 +244,6 @@ class _Panels:
     middle: Array
     width: Array
     height: Array
-    fine: Bool
-    coarse: Bool
 
     @classmethod
     def of(
@@ -231,15 +251,18 @@ class _Panels:
         sets: StickingSets,
         optima: GroupOptima,
         domain: tuple[float, float],
-        highest: float,
+        ends: _Ends,
         panels: int,
+        beyond: Array | None = None,
     ) -> _Panels:
-        low, high, sd, closed = _ends_of(sets, optima, domain, highest)
+        """Panels between the ends, and between the edges beyond, (groups, m), where there are some."""
+        low, high = ends.low, ends.high
         inside = (sets.walls > low[:, None]) & (sets.walls < high[:, None])
         most = int(inside.sum(axis=1).max(initial=0))
         kinks = np.sort(np.where(inside, sets.walls, np.inf), axis=1)[:, :most]
         even = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, panels + 1)
         edges = np.sort(np.minimum(np.concatenate((kinks, even), axis=1), high[:, None]), axis=1)
+        edges = edges if beyond is None else np.concatenate((edges, beyond), axis=1)
         half = 0.5 * np.diff(edges, axis=1)
         middle = edges[:, :-1] + half
         nodes = middle[:, :, None] + half[:, :, None] * NODES
@@ -252,10 +275,8 @@ class _Panels:
         between = ndtr((domain[1] - own) / width) - ndtr((domain[0] - own) / width)
         weights = half[:, :, None] * WEIGHTS
         mass = total(weights * height * between)[:, None, None]
-        narrow = (high - low) < _WIDEST * panels * sd
         density = height * between / mass
-        height = weights * height / mass
-        return cls(edges, nodes, density, own, width, height, closed & narrow, closed & ~narrow)
+        return cls(edges, nodes, density, own, width, weights * height / mass)
 
     def where(self, asked: Bool) -> _Panels:
         """The same, and nan in the groups that are not asked for."""
@@ -263,37 +284,56 @@ class _Panels:
         return replace(self, density=self.density * blank, height=self.height * blank)
 
 
-def _ends_of(
-    sets: StickingSets, optima: GroupOptima, domain: tuple[float, float], highest: float
-) -> tuple[Array, Array, Array, Bool]:
-    """Ends of kappa between which the mass is, its least sd there, and whether both ends are inside.
+@dataclass(frozen=True)
+class _Ends:
+    """Between which kappa has its mass, (groups,) each.
 
-    kappa may be `highest` at most.
+    Attributes
+    ----------
+    low, high : ndarray
+        Where mass is open above, the highest transition: kappa has a plateau from there on.
+    sd : ndarray
+        Least sd of kappa between them.
+    is_closed, is_open : ndarray of bool
+        Whether both ends are inside the domain, or the upper one is not.
     """
-    _, _, _, f3, f4, f5 = sets.forms
-    low, high = sets.walls[:, :-1], sets.walls[:, 1:]
-    best, inner = optima.chi2, optima.places
-    # how sharply a set's chi2 rises with kappa, were the closure constant free
-    bend = f5 - f4**2 / (4.0 * f3)
-    sd = 1.0 / np.sqrt(np.where(optima.least < best[:, None] + _NEAR, bend, 0.0).max(axis=1))
-    # a plateau as long as all that kappa may be, and what it adds to the variance
-    above = 2.0 * (3.0 * np.log(highest / sd) - _LOST)
-    edge = (best + above)[:, None]
-    holds = optima.least < edge
-    first, last = holds.argmax(axis=1), holds.shape[1] - 1 - holds[:, ::-1].argmax(axis=1)
-    closed = holds.any(axis=1) & (last < sets.count) & (sets.at(low, domain)[:, :1] > edge)[:, 0]
-    ends = []
-    for cell, walls in ((first, low), (last, high)):
-        own = StickingSets(
-            sets.walls, sets.count, np.take_along_axis(sets.forms, cell[None, :, None], axis=2)
-        )
-        far, near = (np.take_along_axis(each, cell[:, None], axis=1) for each in (walls, inner))
-        for _ in range(30):
-            half = 0.5 * (far + near)
-            is_far = own.at(half, domain) > edge
-            far, near = np.where(is_far, half, far), np.where(is_far, near, half)
-        ends.append(far[:, 0])
-    return ends[0], ends[1], sd, closed
+
+    low: Array
+    high: Array
+    sd: Array
+    is_closed: Bool
+    is_open: Bool
+
+    @classmethod
+    def of(
+        cls, sets: StickingSets, optima: GroupOptima, domain: tuple[float, float], highest: float
+    ) -> _Ends:
+        """Ends where kappa may be `highest` at most."""
+        _, _, _, f3, f4, f5 = sets.forms
+        low, high = sets.walls[:, :-1], sets.walls[:, 1:]
+        best, inner = optima.chi2, optima.places
+        # how sharply a set's chi2 rises with kappa, were the closure constant free
+        bend = f5 - f4**2 / (4.0 * f3)
+        sd = 1.0 / np.sqrt(np.where(optima.least < best[:, None] + _NEAR, bend, 0.0).max(axis=1))
+        # a plateau as long as all that kappa may be, and what it adds to the variance
+        above = 2.0 * (3.0 * np.log(highest / sd) - _LOST)
+        edge = (best + above)[:, None]
+        holds = optima.least < edge
+        first, last = holds.argmax(axis=1), holds.shape[1] - 1 - holds[:, ::-1].argmax(axis=1)
+        found = []
+        for cell, walls in ((first, low), (last, high)):
+            forms = np.take_along_axis(sets.forms, cell[None, :, None], axis=2)
+            own = StickingSets(sets.walls, sets.count, forms)
+            far, near = (np.take_along_axis(each, cell[:, None], axis=1) for each in (walls, inner))
+            for _ in range(30):
+                half = 0.5 * (far + near)
+                is_far = own.at(half, domain) > edge
+                far, near = np.where(is_far, half, far), np.where(is_far, near, half)
+            found.append(far[:, 0])
+        proper = holds.any(axis=1) & (sets.at(low, domain)[:, :1] > edge)[:, 0]
+        is_open = last >= sets.count
+        top = np.take_along_axis(sets.walls, sets.count[:, None], axis=1)[:, 0]
+        return cls(found[0], np.where(is_open, top, found[1]), sd, proper & ~is_open, proper & is_open)
 
 
 def _correlation(laws: Sequence[GroupLaw], grid: _Panels) -> Array:

@@ -1,0 +1,155 @@
+"""Posterior of groups in which friction has no upper end: kappa has a plateau, where every impact sticks.
+
+The default prior of mu is uniform up to an end M, so that kappa = mu (1 + e_n) ends at M (1 + e_n) and is no
+longer independent of e_n. With r(e_n) its law by itself, with the Jacobian, and q(kappa) that of kappa,
+
+    p(e_n, kappa) ~ r(e_n) q(kappa)  for  kappa <= M (1 + e_n).
+
+So kappa loses the share of e_n below kappa/M - 1, e_n gains with the share of kappa up to M (1 + e_n), and
+the constant given kappa is what it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.campaign.group_laws import (
+    WEIGHTS,
+    ConstantLaw,
+    FrictionLaw,
+    GroupLaw,
+    KappaLaw,
+    RestitutionLaw,
+    total,
+)
+
+Array = NDArray[np.float64]
+
+_STEPS = 12  # panels over which kappa ends
+
+
+def plateau_nodes(e_n: RestitutionLaw) -> Array:
+    """The e_n of M (1 + e_n) between which panels of kappa end where its density falls, (groups, 13)."""
+    return e_n.low[:, None] + (e_n.high - e_n.low)[:, None] * np.linspace(0.0, 1.0, _STEPS + 1)
+
+
+@dataclass(frozen=True)
+class _CutRestitution(GroupLaw):
+    """Of e_n, where kappa ends at M (1 + e_n).
+
+    Attributes
+    ----------
+    alone : RestitutionLaw
+    kappa : KappaLaw
+        By itself.
+    most : float
+        M.
+    scale, mean, sd : ndarray, (groups,)
+    """
+
+    alone: RestitutionLaw
+    kappa: KappaLaw
+    most: float
+    scale: Array
+    mean: Array
+    sd: Array
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """Those of e_n by itself."""
+        return self.alone.ends
+
+    def below(self, x: Array) -> tuple[Array, Array]:
+        """Probability below, and density at, some places of each group, (groups, n)."""
+        nodes, mass = self.alone.between(np.broadcast_to(self.alone.low[:, None], x.shape), x)
+        share = (mass * self._upto(nodes)).sum(axis=2)
+        _, density = self.alone.below(x)
+        return share / self.scale[:, None], density * self._upto(x) / self.scale[:, None]
+
+    def _upto(self, e_n: Array) -> Array:
+        """Share of kappa up to its end."""
+        share, _ = self.kappa.below((self.most * (1.0 + e_n)).reshape(e_n.shape[0], -1))
+        return share.reshape(e_n.shape)
+
+
+@dataclass(frozen=True)
+class _CutFriction(FrictionLaw):
+    """Of mu up to M.
+
+    Attributes
+    ----------
+    most : float
+        M.
+    """
+
+    most: float
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """From the lowest kappa to M."""
+        low, _ = super().ends
+        return low, np.full_like(low, self.most)
+
+
+def laws_up_to(
+    most: float, e_n: RestitutionLaw, own: ConstantLaw, kappa: KappaLaw, nodes: Array, density: Array
+) -> tuple[tuple[GroupLaw, ...], Array]:
+    """Laws of e_n, the closure constant, mu and kappa where mu ends at `most`, and the correlation of three.
+
+    Parameters
+    ----------
+    most : float
+    e_n, own, kappa : GroupLaw
+        As they would be without an end of mu.
+    nodes, density : ndarray, (groups, panels, 6)
+        Of kappa; the last panels lie between those of `plateau_nodes`.
+    """
+    shape = nodes.shape
+    moments = {
+        powers: np.concatenate((np.repeat(whole, shape[1] - _STEPS, axis=1), part), axis=1)
+        for powers, whole, part in _moments(most, e_n, nodes[:, -_STEPS:])
+    }
+    left = moments[0, 0]
+    half = 0.5 * np.diff(kappa.edges, axis=1)[:, :, None]
+    mass = density * WEIGHTS * half
+    scale = total(mass * left)
+    mass = mass / scale[:, None, None]
+
+    def mean_of(over: int, times: int) -> Array:
+        """Mean of mu^over e_n^times."""
+        return total(mass * nodes**over * moments[over, times])
+
+    e_mean, mu_mean = mean_of(0, 1), mean_of(1, 0)
+    e_sd = np.sqrt(mean_of(0, 2) - e_mean**2)
+    mu_sd = np.sqrt(mean_of(2, 0) - mu_mean**2)
+    of_kappa = KappaLaw.made(kappa.edges, nodes, density * left / scale[:, None, None])
+    weight = left.reshape(shape[0], -1) / scale[:, None]
+    of_own = own.weighted(weight)
+    mu = _CutFriction(kappa, 1.0 + e_n.nodes, e_n.mass / scale[:, None], mu_mean, mu_sd, most)
+    laws = (_CutRestitution(e_n, kappa, most, scale, e_mean, e_sd), of_own, mu, of_kappa)
+
+    centred = own.node_means - of_own.mean[:, None] * own.node_masses
+    centred = centred.reshape(shape) / scale[:, None, None]
+    found = np.tile(np.eye(3), (shape[0], 1, 1))
+    for i, j, covariance in (
+        (0, 1, total(centred * moments[0, 1])),
+        (1, 2, total(centred * nodes * moments[1, 0])),
+        (0, 2, mean_of(1, 1) - e_mean * mu_mean),
+    ):
+        found[:, i, j] = found[:, j, i] = covariance / (laws[i].sd * laws[j].sd)
+    return laws, found
+
+
+def _moments(most: float, e_n: RestitutionLaw, nodes: Array) -> list[tuple[tuple[int, int], Array, Array]]:
+    """Integrals of e_n^j/(1 + e_n)^i over e_n, and from kappa/M - 1 on; (i, j) first."""
+    flat = nodes.reshape(nodes.shape[0], -1)
+    e, mass = e_n.between(flat / most - 1.0, np.broadcast_to(e_n.high[:, None], flat.shape))
+    found = []
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)):
+        whole = (e_n.mass * e_n.nodes**j / (1.0 + e_n.nodes) ** i).sum(axis=1)
+        part = (mass * e**j / (1.0 + e) ** i).sum(axis=2).reshape(nodes.shape)
+        found.append(((i, j), whole[:, None, None] * np.ones((1, 1, nodes.shape[2])), part))
+    return found
