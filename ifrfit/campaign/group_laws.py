@@ -122,6 +122,7 @@ class KappaLaw(GroupLaw):
         panel = (self.edges[:, None, 1:-1] < x[:, :, None]).sum(axis=2)
         low, high = (np.take_along_axis(self.edges[:, k:], panel, axis=1) for k in (0, 1))
         half = 0.5 * (high - low)
+        half = np.where(half > 0.0, half, 1.0)  # a panel without width, beyond the ends alone
         place = np.clip((x - low - half) / half, -1.0, 1.0)
         of = np.take_along_axis(self.powers, panel[:, :, None], axis=1)
         share, slope = np.zeros_like(place), np.zeros_like(place)

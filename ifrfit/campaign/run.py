@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +29,7 @@ from ifrfit.physics.effects.contact import SOLID
 EMPTY = "(empty)"  # what stands for the text of an empty cell in a label
 METHODS = ("exact", "lsq", "profile")
 LOT = 100  # groups
-_AT_ONCE = 25  # rows written to the journal together
+_KEPT_EVERY = 0.5  # s: what is lost, at most, where a campaign is killed
 DIED = f"the process that fitted it died {TRIES} times, as for want of memory. Fit the group by itself."
 
 
@@ -196,13 +197,15 @@ def run_campaign(
 
     work = partial(fit_groups, question, files)
     waiting: list[tuple[Group, Row]] = []
+    kept = time.monotonic()
     try:
         with crew_of(workers, scheduler) as crew:
             for group, row in in_lots(unknown(), work, _lost, crew, LOT):
                 found[group.key] = row
                 waiting.append((group, row))
-                if len(waiting) >= _AT_ONCE:
+                if time.monotonic() - kept > _KEPT_EVERY:
                     _keep(journal, waiting)
+                    kept = time.monotonic()
                 if progress is not None:
                     progress(len(found), max(len(order), len(files.files)))
     except (DataError, UsageError):

@@ -291,11 +291,12 @@ class _Ends:
     Attributes
     ----------
     low, high : ndarray
-        Where mass is open above, the highest transition: kappa has a plateau from there on.
+        Low is 0 where the density has not come to its end there. High, where it is open above, is the
+        highest transition: kappa has a plateau from there on.
     sd : ndarray
         Least sd of kappa between them.
     is_closed, is_open : ndarray of bool
-        Whether both ends are inside the domain, or the upper one is not.
+        Whether the upper end is inside the domain, or not.
     """
 
     low: Array
@@ -330,10 +331,16 @@ class _Ends:
                 is_far = own.at(half, domain) > edge
                 far, near = np.where(is_far, half, far), np.where(is_far, near, half)
             found.append(far[:, 0])
-        proper = holds.any(axis=1) & (sets.at(low, domain)[:, :1] > edge)[:, 0]
-        is_open = last >= sets.count
+        proper, is_open = holds.any(axis=1), last >= sets.count
+        from_zero = (sets.at(low, domain)[:, :1] <= edge)[:, 0]
         top = np.take_along_axis(sets.walls, sets.count[:, None], axis=1)[:, 0]
-        return cls(found[0], np.where(is_open, top, found[1]), sd, proper & ~is_open, proper & is_open)
+        return cls(
+            low=np.where(from_zero, 0.0, found[0]),
+            high=np.where(is_open, top, found[1]),
+            sd=sd,
+            is_closed=proper & ~is_open,
+            is_open=proper & is_open,
+        )
 
 
 def _correlation(laws: Sequence[GroupLaw], grid: _Panels) -> Array:
