@@ -10,8 +10,6 @@ each scene are fitted by the general code as well, to an accuracy of 1e-6, and a
 
 from __future__ import annotations
 
-from _common import Row, benchmark_parser, cells, publish  # first: one thread
-
 import resource
 import subprocess
 import sys
@@ -22,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from _common import Row, benchmark_parser, cells, publish  # first: one thread
 
 from ifrfit.campaign.group_fit import KAPPA, PARTS, GroupQuestion, fit_group
 from ifrfit.campaign.plain_groups import plain_rows
@@ -85,7 +84,17 @@ def scene(number: int, groups: int) -> tuple[dict[str, Any], pd.DataFrame]:
 def timed(path: Path, folder: Path) -> tuple[float, float]:
     """Seconds and CPU seconds of the command, workers included."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    command = ["campaign", str(path), "--by", "run", "--no-facts", "--workers", str(WORKERS), "--out", str(folder)]
+    command = [
+        "campaign",
+        str(path),
+        "--by",
+        "run",
+        "--no-facts",
+        "--workers",
+        str(WORKERS),
+        "--out",
+        str(folder),
+    ]
     subprocess.run([sys.executable, "-m", "ifrfit", *command, "--quiet"], check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
