@@ -1,9 +1,9 @@
 """Campaigns of 10,000 groups of 50 impacts each, over scenes drawn at random.
 
-    python benchmarks/campaign_groups.py            # some minutes: 12 scenes; --quick: 3 scenes of 1,000 groups
+    python benchmarks/campaign_groups.py        # some minutes: 12 scenes; --quick: 3 scenes of 1,000 groups
 
-A scene is what its groups have in common: the observable beside e_n, the range of angles, noise, spin, and the
-ranges that the constants of the groups are drawn from, each anywhere in its domain. `ifrfit campaign` runs as
+A scene is what its groups have in common: the observable beside e_n, the range of angles, noise, spin, and
+the ranges that the constants of the groups are drawn from, each anywhere in its domain. `ifrfit campaign` runs as
 its own process with two workers: reading, fits, population, table and page are on the clock. Some groups of
 each scene are fitted by the general code as well, to an accuracy of 1e-6, and all numbers are compared.
 """
@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _common import Row, benchmark_parser, cells, publish  # first: one thread
+from _common import Row, benchmark_parser, cells, publish
 
 from ifrfit.campaign.group_fit import KAPPA, PARTS, GroupQuestion, fit_group
 from ifrfit.campaign.plain_groups import plain_rows
