@@ -3,9 +3,9 @@
     python benchmarks/campaign_groups.py        # some minutes: 12 scenes; --quick: 3 scenes of 1,000 groups
 
 A scene is what its groups have in common: the observable beside e_n, the range of angles, noise, spin, and
-the ranges that the constants of the groups are drawn from, each anywhere in its domain. `ifrfit campaign` runs as
-its own process with two workers: reading, fits, population, table and page are on the clock. Some groups of
-each scene are fitted by the general code as well, to an accuracy of 1e-6, and all numbers are compared.
+the ranges that the constants of the groups are drawn from, each anywhere in its domain. `ifrfit campaign` is
+a process of its own with two workers: reading, fits, population, table and page are on the clock. Some groups
+of each scene are fitted by the general code as well, to an accuracy of 1e-6, and all numbers are compared.
 """
 
 from __future__ import annotations
