@@ -24,7 +24,7 @@ _TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the
 _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
 _E_SPAN = 6.5  # sd of e_n on either side
 _STEPS = 20
-_EXACT = 1e-8  # error of a probability at which a quantile is there
+_CLOSE = 1e-5  # error of a probability from which one more step leaves no more than its square
 _RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
@@ -63,18 +63,19 @@ class GroupLaw(ABC):
         """Quantiles, (groups, n); nan where Newton's method does not settle."""
         low, high = (np.repeat(end[:, None], levels.size, axis=1) for end in self.ends)
         x = np.clip(self.mean[:, None] + self.sd[:, None] * ndtri(levels), low, high)
-        share = np.full_like(x, np.nan)
+        settled = np.zeros(x.shape, dtype=bool)
         for _ in range(_STEPS):
             share, density = self.below(x)
             miss = share - levels
-            if not (np.abs(miss) >= _EXACT).any():  # nan is nobody's
-                break
             low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
             with np.errstate(divide="ignore", invalid="ignore"):  # a step without end is not taken
                 step = x - miss / density
             step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-            x = np.where(np.abs(miss) < _EXACT, x, step)  # what is there stays, whatever others need
-        return np.where(np.abs(share - levels) < 100.0 * _EXACT, x, np.nan)
+            x = np.where(settled, x, step)  # what is there stays, whatever others need
+            settled |= np.abs(miss) < _CLOSE
+            if not (np.abs(miss) >= _CLOSE).any():  # nan is nobody's
+                break
+        return np.where(settled, x, np.nan)
 
 
 @dataclass(frozen=True)
