@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +50,39 @@ class CutByEnd:
     shift: float
 
 
+class MovedByEnd(NamedTuple):
+    """By how many sd an end of a domain moves what groups say of its constant, by the number of the row."""
+
+    constant: str
+    end: float
+    shifts: Mapping[int, float]
+
+
+def moved_by_ends(
+    rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]
+) -> tuple[MovedByEnd, ...]:
+    """What each end of the domains moves.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the campaign's table, see `ifrfit.campaign.group_fit.fit_group`.
+    parameters : sequence of Parameter
+    """
+    found = []
+    for each in (parameter for parameter in parameters if parameter.fixed is None):
+        for is_upper in (False, True):
+            moved = {number: _moved(row, each, is_upper=is_upper) for number, row in enumerate(rows)}
+            shifts = {number: shift for number, shift in moved.items() if shift is not None}
+            found.append(MovedByEnd(each.name, each.upper if is_upper else each.lower, shifts))
+    return tuple(found)
+
+
 def cuts_of(
     name: str,
     pooled: NDArray[np.intp],
     rows: Sequence[Mapping[str, Any]],
-    parameters: Sequence[Parameter],
+    ends: Sequence[MovedByEnd],
 ) -> tuple[CutByEnd, ...]:
     """Which ends may move the population of a constant by more than a quarter of its standard error.
 
@@ -65,28 +93,24 @@ def cuts_of(
     pooled : ndarray of int, (n,)
         Rows that are members.
     rows : sequence of mapping
-        Of the campaign's table, see `ifrfit.campaign.group_fit.fit_group`.
-    parameters : sequence of Parameter
+    ends : sequence of MovedByEnd
+        Of these rows.
     """
     found = []
     members = set(pooled.tolist())
-    for each in (parameter for parameter in parameters if parameter.fixed is None):
-        for is_upper in (False, True):
-            moved = {number: _moved(row, each, is_upper=is_upper) for number, row in enumerate(rows)}
-            cut = {number: shift for number, shift in moved.items() if shift is not None}
-            if each.name == name:
-                total = sum(cut.values())
-            else:
-                pair = correlation_column(each.name, _MU if name == KAPPA else name)
-                total = sum(
-                    abs(rows[number].get(pair) or 0.0) * shift
-                    for number, shift in cut.items()
-                    if number in members
-                )
-            shift = total / math.sqrt(max(pooled.size, 1))
-            if shift > SHIFT:
-                end = each.upper if is_upper else each.lower
-                found.append(CutByEnd(each.name, end, len(cut), shift))
+    for constant, end, shifts in ends:
+        if constant == name:
+            total = sum(shifts.values())
+        else:
+            pair = correlation_column(constant, _MU if name == KAPPA else name)
+            total = sum(
+                abs(rows[number].get(pair) or 0.0) * shift
+                for number, shift in shifts.items()
+                if number in members
+            )
+        shift = total / math.sqrt(max(pooled.size, 1))
+        if shift > SHIFT:
+            found.append(CutByEnd(constant, end, len(shifts), shift))
     return tuple(found)
 
 

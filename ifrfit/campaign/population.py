@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.coordinate import Coordinate
-from ifrfit.campaign.domain_ends import CutByEnd, cuts_of
+from ifrfit.campaign.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
 from ifrfit.campaign.group_likelihood import joint_likelihoods
 from ifrfit.campaign.leave_one_out import below_threshold, membership_p_values
@@ -118,11 +118,12 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
         key.removesuffix("_status") for row in rows for key in row if key.endswith("_status")
     )
     said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
+    ends = moved_by_ends(rows, parameters)
     found = []
     for name in names:
         one = _population(name, rows, domains[name.partition("[")[0]], *said[name])
         if one is not None:
-            found.append(replace(one, cut=cuts_of(name, one.groups, rows, parameters)))
+            found.append(replace(one, cut=cuts_of(name, one.groups, rows, ends)))
     return found
 
 

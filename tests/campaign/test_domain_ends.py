@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ifrfit.campaign.domain_ends import _of_cut_laws, cuts_of
+from ifrfit.campaign.domain_ends import _of_cut_laws, cuts_of, moved_by_ends
 from ifrfit.inference.model.parameters import Parameter
 
 E_T = Parameter("e_t", -1.0, -0.4)
@@ -33,10 +33,12 @@ def test_the_law_of_a_mean_that_an_end_moves(mean):
 
 def test_an_end_near_all_groups_moves_what_is_correlated():
     rows = [row(-0.98, 0.015)] * 40
-    ours, theirs = (cuts_of(name, np.arange(40), rows, (E_T, MU)) for name in ("e_t", "mu"))
+    ours, theirs = (
+        cuts_of(name, np.arange(40), rows, moved_by_ends(rows, (E_T, MU))) for name in ("e_t", "mu")
+    )
     assert [(each.constant, each.end, each.groups) for each in (*ours, *theirs)] == [("e_t", -1.0, 40)] * 2
     assert theirs[0].shift == pytest.approx(0.5 * ours[0].shift)
-    assert cuts_of("kappa", np.arange(40), rows, (E_T, MU)) == theirs
+    assert cuts_of("kappa", np.arange(40), rows, moved_by_ends(rows, (E_T, MU))) == theirs
 
 
 @pytest.mark.parametrize(
@@ -52,4 +54,4 @@ def test_an_end_near_all_groups_moves_what_is_correlated():
     ids=["far", "one", "uncorrelated", "failed", "fixed", "bounds of the user"],
 )
 def test_an_end_that_moves_nothing_is_not_named(rows, parameter):
-    assert cuts_of("mu", np.arange(len(rows)), rows, (parameter, MU)) == ()
+    assert cuts_of("mu", np.arange(len(rows)), rows, moved_by_ends(rows, (parameter, MU))) == ()
