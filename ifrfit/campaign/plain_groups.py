@@ -6,6 +6,7 @@ group in which anything is out of the ordinary is left to it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -24,6 +25,7 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
+from ifrfit.campaign.group_profiles import LIMITS
 from ifrfit.campaign.sticking_sets import Tangential
 from ifrfit.campaign.transition_integral import INTEGRATIONS, GroupPosteriors, GroupValues, group_posteriors
 from ifrfit.data.cell_table import CellColumn, Cells
@@ -38,6 +40,7 @@ from ifrfit.inference.estimators import Exact
 from ifrfit.inference.keywords import selection_of
 from ifrfit.inference.model.parameters import Domain, ParameterSet
 from ifrfit.inference.options import Model
+from ifrfit.inference.profile.intervals import marginal_of_profile
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.estimates import marginal_of
 from ifrfit.inference.summary.status import Known, estimate_of
@@ -277,5 +280,11 @@ def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain
         low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
         sd = float(posteriors.sd[k, quantity])
         return Estimate(median, sd, (low68, high68), (low95, high95), "determined")
+    optimum = float(posteriors.optimum[k, quantity])
+    if posteriors.of_profile[k, quantity]:
+        below = dict(zip(LIMITS, posteriors.below[k, quantity].tolist(), strict=True))
+        ends = domain.lower, domain.upper
+        marginal = marginal_of_profile(ends, optimum, math.inf, lambda rise: tuple(below[rise]))
+        return estimate_of(domain, marginal, Known(seen=bool(posteriors.is_curved[k, quantity])))
     marginal = marginal_of(posteriors.laws_of(k), str(quantity), domain)
-    return estimate_of(domain, marginal, Known(optimum=float(posteriors.optimum[k, quantity])))
+    return estimate_of(domain, marginal, Known(optimum=optimum))

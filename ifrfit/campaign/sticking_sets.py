@@ -21,7 +21,8 @@ Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
-_RIVAL = 4.0  # of chi2 above the best within which another optimum counts
+_RIVALS = (3.8, 4.0)  # of chi2 above the best within which another optimum counts: surely, and perhaps
+_SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, and what is one of them
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,10 @@ class StickingSets:
         walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)
         return cls(walls, np.isfinite(tau).sum(axis=1), forms)
 
+    def of_groups(self, groups: Index) -> StickingSets:
+        """Those of some groups."""
+        return StickingSets(self.walls[groups], self.count[groups], self.forms[:, groups])
+
     def at(self, kappa: Array, domain: tuple[float, float]) -> Array:
         """Least chi2 over the closure constant in each set, at a kappa for each, (groups, most + 1)."""
         f0, f1, f2, f3, f4, f5 = self.forms
@@ -128,9 +133,12 @@ class GroupOptima:
         By the curvature there, before anything is cut; infinite where the data leave it open.
     beyond : ndarray, (groups,)
         How far the constant, were it free, would lie outside its domain there, in sd given kappa.
-    kappa_distance, constant_distance : ndarray, (groups,)
-        How far from it the outermost sets lie that describe the data nearly as well; infinite for kappa where
-        that is so of the set in which every impact sticks.
+    rivals : ndarray, (2, 2, groups)
+        How far kappa, and the closure constant, of the outermost sets lie from it that describe the data
+        nearly as well: at least, and at most. Infinite for kappa where that is so of the set in which every
+        impact sticks.
+    is_unique : ndarray of bool, (groups,)
+        Whether no other optimum is as good.
     least, places : ndarray, (groups, most + 1)
         The least of each set, and its kappa.
     """
@@ -142,8 +150,8 @@ class GroupOptima:
     kappa_variance: Array
     constant_variance: Array
     beyond: Array
-    kappa_distance: Array
-    constant_distance: Array
+    rivals: Array
+    is_unique: Bool
     least: Array
     places: Array
 
@@ -160,24 +168,31 @@ class GroupOptima:
         free = -(f1 + f4 * kappa) / (2.0 * f3)
         det = f3 * f5 - 0.25 * f4**2
         seen = det > _SINGULAR * f3 * f5
-        near = least <= chi2[:, None] + _RIVAL
-        ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
-        kappa_distance, own_distance = (
-            np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
-            for each, at in ((places, kappa), (constants, own))
-        )
-        # where every impact sticks kappa has no upper end
-        kappa_distance = np.where(near[groups, sets.count], np.inf, kappa_distance)
+        rise = least - chi2[:, None]
+
+        def distances(most: float) -> Array:
+            """Of kappa and the constant, (2, groups): how far the outermost sets lie with no larger rise."""
+            near = rise <= most
+            ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
+            found = [
+                np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
+                for each, at in ((places, kappa), (constants, own))
+            ]
+            # where every impact sticks kappa has no upper end
+            found[0] = np.where(near[groups, sets.count], np.inf, found[0])
+            return np.array(found)
+
+        every_sticks, same = sticking >= sets.count, distances(_SAME)
         return cls(
             chi2=chi2,
             kappa=kappa,
             constant=own,
             sliding=sets.count - sticking,
             kappa_variance=np.where(seen, f3 / det, np.inf),
-            constant_variance=np.where(seen, f5 / det, np.inf),
+            constant_variance=np.where(seen, f5 / det, np.where(every_sticks, 1.0 / f3, np.inf)),
             beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
-            kappa_distance=kappa_distance,
-            constant_distance=own_distance,
+            rivals=np.stack([distances(most) for most in _RIVALS], axis=1),
+            is_unique=(same[1] < _ONE_PLACE) & (every_sticks | (same[0] < _ONE_PLACE)),
             least=least,
             places=places,
         )

@@ -28,6 +28,7 @@ from ifrfit.campaign.group_laws import (
     RestitutionLaw,
     total,
 )
+from ifrfit.campaign.group_profiles import LIMITS, GroupProfiles, RestitutionMisfit
 from ifrfit.campaign.open_friction import laws_up_to, plateau_nodes
 from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets, Tangential
 from ifrfit.inference.diagnostics.thresholds import HALF
@@ -70,6 +71,13 @@ class GroupPosteriors:
         Impacts that slide at the certified optimum.
     chi2 : ndarray
         Of the optimum.
+    of_profile : ndarray of bool, (groups, 4)
+        Whether the profile says what the data leave of a quantity: the curvature at the optimum does not fix
+        it, or a rival lies far from it.
+    is_curved : ndarray of bool, (groups, 4)
+        Whether there is a curvature at the optimum.
+    below : ndarray, (groups, 4, 4, 2)
+        Ends of what lies below each of `LIMITS` in the profile of a quantity that is asked for; else nan.
     optimum : ndarray, (groups, 4)
         Of e_n, the closure constant, mu and kappa.
     sd : ndarray, (groups, 4)
@@ -85,6 +93,9 @@ class GroupPosteriors:
     clear: Bool
     sliding: Index
     chi2: Array
+    of_profile: Bool
+    is_curved: Bool
+    below: Array
     optimum: Array
     sd: Array
     quantiles: Array
@@ -156,8 +167,8 @@ def group_posteriors(
     with np.errstate(all="ignore"):  # what is not finite is not resolved
         sets = StickingSets.of(values.tangential, law)
         optima = sets.minima(own_domain)
-        e_hat, e_sd = _normal(values.e_n, values.e_n_weight)
-        e_best = np.clip(e_hat, *e_domain)
+        measured = RestitutionMisfit(*_normal(values.e_n, values.e_n_weight), *e_domain)
+        e_hat, e_sd, e_best = measured.mean, measured.sd, measured.best
         restitution = RestitutionLaw.made(e_hat, e_sd, e_domain)
         ends = _Ends.of(sets, optima, own_domain, domains[KAPPA].prior_upper)
         beyond = most * (1.0 + plateau_nodes(restitution)) if how.is_open else None
@@ -181,11 +192,29 @@ def group_posteriors(
         resolved &= optima.beyond < _OUTSIDE
         # the nodes of e_n would see steps where kappa is known much better
         resolved &= kappa.sd > _STEPLESS * quantiles[:, MU, 2] * e_sd
-        resolved &= _are_seen(optima, e_best, e_sd, domains)
+        curvature = _Curvature.of(optima, measured, domains)
+        resolved &= (curvature.is_local | curvature.is_open).all(axis=1)
+        resolved &= curvature.is_local[:, E_N] & optima.is_unique
+        of_profile = curvature.is_open & resolved[:, None]
+        below = _below_limits(sets, optima, own_domain, measured, of_profile)
+        resolved &= ~(np.isnan(below).any(axis=(2, 3)) & of_profile).any(axis=1)
         clear = np.stack([_is_clear(sd, quantiles, domains, one) for one in range(len(laws))], axis=1)
         optimum = np.stack((e_best, optima.constant, optima.kappa / (1.0 + e_best), optima.kappa), axis=1)
         chi2 = optima.chi2 + total(values.e_n_weight * (values.e_n - e_best[:, None]) ** 2)
-    return GroupPosteriors(resolved, clear, optima.sliding, chi2, optimum, sd, quantiles, correlation, laws)
+    return GroupPosteriors(
+        resolved=resolved,
+        clear=clear & curvature.is_local,
+        sliding=optima.sliding,
+        chi2=chi2,
+        of_profile=of_profile,
+        is_curved=curvature.is_finite,
+        below=below,
+        optimum=optimum,
+        sd=sd,
+        quantiles=quantiles,
+        correlation=correlation,
+        laws=laws,
+    )
 
 
 def _normal(e_n: Array, weight: Array) -> tuple[Array, Array]:
@@ -194,24 +223,58 @@ def _normal(e_n: Array, weight: Array) -> tuple[Array, Array]:
     return total(weight * e_n) / whole, 1.0 / np.sqrt(whole)
 
 
-def _are_seen(optima: GroupOptima, e_n: Array, e_sd: Array, domains: Sequence[Domain]) -> Bool:
-    """Whether the data fix each constant by the curvature at the optimum, and no rival lies far from it."""
-    mu, scale = optima.kappa / (1.0 + e_n), 1.0 + e_n
-    mu_sd = np.sqrt(optima.kappa_variance + (mu * e_sd) ** 2) / scale
-    kappa_sd, own_sd = np.sqrt(optima.kappa_variance), np.sqrt(optima.constant_variance)
-    none = np.zeros_like(e_n)
-    seen = np.ones(e_n.size, dtype=bool)
-    for quantity, sd, distance in (
-        (E_N, e_sd, none),
-        (OWN, own_sd, optima.constant_distance),
-        (MU, mu_sd, optima.kappa_distance / scale),
-        (KAPPA, kappa_sd, optima.kappa_distance),
-    ):
-        enough = _NARROW * HALF * domains[quantity].prior_sd
-        seen &= (sd < enough) & (
-            (distance < _NARROW * _RIVAL_WIDTH * sd) | (distance + _RIVAL_WIDTH * sd < enough)
-        )
-    return seen
+def _below_limits(
+    sets: StickingSets,
+    optima: GroupOptima,
+    own: tuple[float, float],
+    e_n: RestitutionMisfit,
+    asked: Bool,
+) -> Array:
+    """Ends of what lies below the limits of profiles, (groups, 4, 4, 2), of the quantities asked for."""
+    found = np.full((*asked.shape, len(LIMITS), 2), np.nan)
+    of = {OWN: GroupProfiles.of_constant, MU: GroupProfiles.of_mu, KAPPA: GroupProfiles.of_kappa}
+    for quantity, ends in of.items():
+        groups = np.flatnonzero(asked[:, quantity])
+        if groups.size:
+            found[groups, quantity] = ends(GroupProfiles.of(sets, optima, own, e_n, groups))
+    return found
+
+
+@dataclass(frozen=True)
+class _Curvature:
+    """What the curvature at the optimum fixes; (groups, 4) each.
+
+    Attributes
+    ----------
+    is_local : ndarray of bool
+        Whether it fixes a quantity beyond doubt, with no rival far from it.
+    is_open : ndarray of bool
+        Whether it does not, beyond doubt.
+    is_finite : ndarray of bool
+    """
+
+    is_local: Bool
+    is_open: Bool
+    is_finite: Bool
+
+    @classmethod
+    def of(cls, optima: GroupOptima, e_n: RestitutionMisfit, domains: Sequence[Domain]) -> _Curvature:
+        scale = 1.0 + e_n.best
+        kappa_sd, own_sd = np.sqrt(optima.kappa_variance), np.sqrt(optima.constant_variance)
+        mu_sd = np.sqrt(optima.kappa_variance + (optima.kappa / scale * e_n.sd) ** 2) / scale
+        sd = np.stack((e_n.sd, own_sd, mu_sd, kappa_sd), axis=1)
+        enough = HALF * np.array([each.prior_sd for each in domains])
+
+        def local(rivals: Array, share: float) -> Bool:
+            """By distances of rivals, (2, groups), and a share of the widths that are asked for."""
+            of_kappa, of_own = rivals
+            none = np.zeros_like(of_own)
+            distance = np.stack((none, of_own, of_kappa / scale, of_kappa), axis=1)
+            beside = distance + _RIVAL_WIDTH * sd < share * enough
+            return np.asarray((sd < share * enough) & ((distance < share * _RIVAL_WIDTH * sd) | beside))
+
+        surely, perhaps = optima.rivals[:, 0], optima.rivals[:, 1]
+        return cls(local(perhaps, _NARROW), ~local(surely, 1.0 / _NARROW), np.isfinite(sd))
 
 
 def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.optimize.least_squares import dof_of_functional
-from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
+from ifrfit.inference.profile.curve import FINE, Interval, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve
 from ifrfit.inference.profile.types import ProfileLikelihood, closed, hull, shape_of
@@ -36,7 +37,8 @@ def profile_of(
     two_sided = [limit(level, dof) for level in (0.68, 0.95, *((_COVERED,) if fill else ()))]
     curve.cross([*two_sided, *(limit(level, dof, one_sided=True) for level in (0.68, 0.95))])
     pieces68, pieces = curve.pieces(limit(0.68, dof)), curve.pieces(limit(0.95, dof))
-    marginal = _marginal(curve, value, dof, hull(pieces68), hull(pieces), len(pieces))
+    ends = curve.lower, curve.upper
+    marginal = marginal_of_profile(ends, value, dof, lambda rise: hull(curve.pieces(rise)), len(pieces))
     domain = replace(quantity.domain, lower=curve.lower, upper=curve.upper)
     estimate = estimate_of(domain, marginal, known)
     x, rise = curve.window(limit(_COVERED, dof), fill=fill)
@@ -64,22 +66,32 @@ def profile_of(
     )
 
 
-def _marginal(
-    curve: ProfileCurve,
-    value: float,
-    dof: float,
-    central68: tuple[float, float],
-    central95: tuple[float, float],
-    pieces: int,
+def marginal_of_profile(
+    ends: Interval, value: float, dof: float, below: Callable[[float], Interval], pieces: int = 1
 ) -> Marginal:
-    """The profile read as a marginal: its sd is the one that a parabola of the same width would have."""
-    closes_below, closes_above = closed(central95, curve.lower, curve.upper)
+    """A profile read as a marginal: its sd is the one that a parabola of the same width would have.
 
-    def one_sided(below: bool) -> OneSided:
-        bound = curve.lower if below else curve.upper
-        found = [hull(curve.pieces(limit(level, dof, one_sided=True))) for level in (0.68, 0.95)]
-        first, second = ((bound, high) if below else (low, bound) for low, high in found)
-        reach = abs((second[1] if below else second[0]) - value)
+    Parameters
+    ----------
+    ends : (float, float)
+        Of the domain.
+    value : float
+        At the optimum.
+    dof : float
+        Of the noise; infinite where it is known.
+    below : callable
+        From a rise to the lowest and the highest value that have no more, see `limit`.
+    pieces : int
+        Into how many the 95 % region falls.
+    """
+    central68, central95 = below(limit(0.68, dof)), below(limit(0.95, dof))
+    closes_below, closes_above = closed(central95, *ends)
+
+    def one_sided(is_below: bool) -> OneSided:
+        bound = ends[0] if is_below else ends[1]
+        found = [below(limit(level, dof, one_sided=True)) for level in (0.68, 0.95)]
+        first, second = ((bound, high) if is_below else (low, bound) for low, high in found)
+        reach = abs((second[1] if is_below else second[0]) - value)
         near = abs(bound - value) <= _NEAR * reach and reach > 0.0
         return OneSided(first, second, reach / half_width(0.90, dof) if near else None)
 
