@@ -20,7 +20,7 @@ def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells,
     angle it is said that each row counts.
     """
     layout = identify(cells, conventions)
-    if not layout.has("impact_id") or not (layout.has("gamma") or layout.has("tan_gamma")):
+    if not layout.has("impact_id") or not layout.has_gamma:
         return cells, ""
     ids, gamma = np.array(layout.texts("impact_id"), dtype=object), layout.gamma()
     given = np.flatnonzero((ids != "") & np.isfinite(gamma))
