@@ -50,7 +50,7 @@ names, path = ("beta", "e_n"), Path(PATH)
 piece = Piece(path, 0, 0, n, (), 0, 0)
 stream = impact_stream.ImpactStream(
     path, ((piece,),), Conventions(), Selection(), 0.4, UsedColumns(
-        names, True, frozenset(("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ())))
+        names, True, ("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ()))
     )
 )
 part = Accumulated.nothing(stream, True, Intervals(BINS), np.arange(BINS) % 1000 == 0)

@@ -34,9 +34,7 @@ def used(headers: str, selection: Selection = ALL) -> UsedColumns:
 
 def test_all_columns_of_different_measurements_are_used():
     found = used("gamma_deg e_n sigma_e_n beta sigma_beta spin_y speed_m_s series")
-    assert found == UsedColumns(
-        ("e_n", "beta"), True, frozenset({"e_n", "beta", "sigma:e_n", "sigma:beta", "spin_y"})
-    )
+    assert found == UsedColumns(("e_n", "beta"), True, ("e_n", "beta", "sigma:e_n", "sigma:beta", "spin_y"))
     assert found.has_spin
 
 
@@ -48,7 +46,7 @@ def test_all_columns_of_different_measurements_are_used():
         ("gamma_deg beta beta_cm e_n", "beta_cm e_n beta", "beta"),
         ("gamma_deg e_n v_n", "v_n e_n", "e_n"),
         ("gamma_deg v_x v_n spin_y_after", "v_x v_n spin_y_after", ""),
-        ("gamma_deg v_x spin_y_after beta beta_cm", "v_x spin_y_after beta_cm beta", "beta beta_cm"),
+        ("gamma_deg v_x spin_y_after beta beta_cm", "v_x spin_y_after beta_cm beta", "beta_cm beta"),
         # the spin leaves beta nothing of its own; centre alone is measured where it is empty
         ("gamma_deg beta spin_y_after", "spin_y_after beta", "beta"),
         # not streamed, and so not beside
@@ -59,7 +57,7 @@ def test_all_columns_of_different_measurements_are_used():
 def test_others_are_used_where_the_first_are_not_measured(headers, observables, beside):
     found = used(headers)
     assert found.observables == tuple(observables.split())
-    assert found.beside == set(beside.split())
+    assert found.beside == tuple(beside.split())
     assert not found.has_sigma
     assert not found.has_spin
 
@@ -77,8 +75,8 @@ def test_those_asked_for_by_name_stand_alone():
     asked = Selection(observable=("e_n", "beta", "beta_cm"))
     found = used("gamma_deg beta_cm sigma_beta_cm beta sigma_beta e_n sigma_e_n v_n mu", asked)
     assert found.observables == ("beta_cm", "e_n")
-    assert found.beside == frozenset()
-    assert found.keys == {"beta_cm", "e_n", "sigma:beta_cm", "sigma:e_n"}
+    assert found.beside == ()
+    assert found.keys == ("beta_cm", "e_n", "sigma:beta_cm", "sigma:e_n")
     assert found.notes == (
         "a.csv: beta_cm and e_n used, beta left out: they are of the same impacts and would count them twice",
     )
@@ -87,7 +85,7 @@ def test_those_asked_for_by_name_stand_alone():
 def test_independent_readings_are_all_used():
     found = used("gamma_deg beta_cm beta e_n", Selection(independent=True))
     assert found.observables == ("beta_cm", "e_n", "beta")
-    assert found.beside == frozenset()
+    assert found.beside == ()
     assert found.notes == ()
 
 
@@ -103,29 +101,29 @@ def test_sigmas_are_used_where_every_observable_has_them():
         "are taken from the scatter",
     )
     assert used("gamma_deg beta sigma").has_sigma
-    assert used("gamma_deg beta sigma").keys == {"beta", "sigma"}
+    assert used("gamma_deg beta sigma").keys == ("beta", "sigma")
 
 
 @pytest.mark.parametrize(
     ("counts", "empty", "has_spin"),
     [
-        ({"spin_x": 0, "spin_y": 3}, {"spin_x"}, True),
-        ({"spin_x": 0, "spin_y": 0}, {"spin_x", "spin_y"}, False),
-        ({"spin_x": 1, "spin_y": 1}, set(), True),
+        ({"spin_x": 0, "spin_y": 3}, ("spin_x",), True),
+        ({"spin_x": 0, "spin_y": 0}, ("spin_x", "spin_y"), False),
+        ({"spin_x": 1, "spin_y": 1}, (), True),
     ],
 )
 def test_a_column_of_spins_without_a_value_is_none(counts, empty, has_spin):
     found = used("gamma_deg beta spin_x spin_y").with_spins_met(counts)
     assert found.empty_spins == empty
     assert found.has_spin == has_spin
-    assert found.keys == {"beta", "spin_x", "spin_y"}  # other files have these columns, too
+    assert found.keys == ("beta", "spin_x", "spin_y")  # other files have these columns, too
 
 
 def test_what_counts_in_another_file():
     other = layout_of("gamma_deg", "beta", "e_n", "sigma_beta", "spin_x")
-    assert keys_that_count(other, ["beta"], ALL) == {"beta", "e_n", "sigma:beta", "spin_x"}
+    assert keys_that_count(other, ["beta"], ALL) == ("e_n", "beta", "sigma:beta", "spin_x")
     asked = Selection(observable=("beta",))
-    assert keys_that_count(other, ["beta"], asked) == {"beta", "sigma:beta", "spin_x"}
+    assert keys_that_count(other, ["beta"], asked) == ("beta", "sigma:beta", "spin_x")
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ SPINS = ("spin_x", "spin_y")
 
 @dataclass(frozen=True)
 class UsedColumns:
-    """What is used of the columns of a table.
+    """What is used of the columns of a table: as text the same in every process, for passes that go on.
 
     Attributes
     ----------
@@ -42,20 +42,20 @@ class UsedColumns:
         Those that are used, in the order of `OBSERVABLES`.
     has_sigma : bool
         Whether every observable that is used has a column of uncertainties.
-    keys : frozenset of str
+    keys : tuple of str
         What counts of the columns of a file, by the names of the schema: every file has the same.
-    beside : frozenset of str
+    beside : tuple of str
         Observables that are used where those before them, of the same impacts, are not measured.
-    empty_spins : frozenset of str
+    empty_spins : tuple of str
         Columns of spins in which nothing stands: no spin, as if there were no column.
     notes : tuple of str
     """
 
     observables: tuple[str, ...] = ()
     has_sigma: bool = False
-    keys: frozenset[str] = frozenset()
-    beside: frozenset[str] = frozenset()
-    empty_spins: frozenset[str] = frozenset()
+    keys: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
+    empty_spins: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -88,7 +88,7 @@ class UsedColumns:
             )
         observables = tuple(name for name in OBSERVABLES if name in used or name in beside)
         keys = keys_that_count(layout, observables, selection)
-        return cls(observables, has_sigma, keys, frozenset(beside), notes=tuple(notes))
+        return cls(observables, has_sigma, keys, tuple(beside), notes=tuple(notes))
 
     @property
     def spins(self) -> tuple[str, ...]:
@@ -98,18 +98,18 @@ class UsedColumns:
     @property
     def has_spin(self) -> bool:
         """Whether there is a spin before impact."""
-        return not self.empty_spins.issuperset(self.spins)
+        return self.empty_spins != self.spins
 
     def with_spins_met(self, counts: Mapping[str, int]) -> UsedColumns:
         """Knowing how many values the columns of spins hold: one that holds none is no column."""
-        return replace(self, empty_spins=frozenset(name for name in self.spins if not counts.get(name, 0)))
+        return replace(self, empty_spins=tuple(name for name in self.spins if not counts.get(name, 0)))
 
 
-def keys_that_count(layout: Layout, used: Sequence[str], selection: Selection) -> frozenset[str]:
+def keys_that_count(layout: Layout, used: Sequence[str], selection: Selection) -> tuple[str, ...]:
     """Observables, or those that were asked for; the uncertainties of those used; the spins before impact."""
     seen = used if selection.observable else [name for name in OBSERVABLES if layout.has(name)]
     sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
-    return frozenset(key for key in (*seen, *sigmas, *SPINS) if layout.has(key))
+    return tuple(key for key in (*seen, *sigmas, *SPINS) if layout.has(key))
 
 
 def _without_double_counting(layout: Layout, selection: Selection) -> tuple[list[str], list[str]]:
