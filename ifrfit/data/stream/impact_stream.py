@@ -514,6 +514,7 @@ def _all_usable(n: int) -> Mask:
 
 
 def _at(places: NDArray[np.intp], n: int) -> Mask:
+    """Some of n rows, by their places."""
     found = np.zeros(n, dtype=bool)
     found[places] = True
     return found
