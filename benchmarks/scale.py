@@ -35,6 +35,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.selection import Selection
 from ifrfit.data.stream import impact_stream
 from ifrfit.data.stream.portions import Piece
+from ifrfit.data.stream.used_columns import UsedColumns
 from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated
 from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
 n, size = 2_000_000, 1 << 17
@@ -48,8 +49,9 @@ batches = pa.table(columns).to_batches(size)
 names, path = ("beta", "e_n"), Path(PATH)
 piece = Piece(path, 0, 0, n, (), 0, 0)
 stream = impact_stream.ImpactStream(
-    path, ((piece,),), Conventions(), Selection(), 0.4, names, True, bool(METHOD),
-    columns=frozenset(("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ())))
+    path, ((piece,),), Conventions(), Selection(), 0.4, UsedColumns(
+        names, True, ("beta", "e_n", "sigma:beta", "sigma:e_n", *(("spin_y",) if METHOD else ()))
+    )
 )
 part = Accumulated.nothing(stream, True, Intervals(BINS), np.arange(BINS) % 1000 == 0)
 impact_stream._reading = lambda piece: iter(batches)

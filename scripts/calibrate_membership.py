@@ -23,10 +23,10 @@ from scipy import stats
 
 from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.group_likelihood import likelihood_moments
-from ifrfit.campaign.leave_one_out import outlying_groups
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, outlying_groups
 from ifrfit.campaign.normal_hierarchy import NormalHierarchy
 from ifrfit.campaign.run import run_campaign
-from ifrfit.campaign.two_populations import FEWEST_OF_TWO, two_populations
+from ifrfit.campaign.two_populations import two_populations
 from ifrfit.inference.distributions.protocol import LEVELS
 
 TAUS = (0.0, 0.1, 0.3, 1.0)
@@ -130,7 +130,7 @@ def main(campaign_count: int, repeats: int, drawn_count: int) -> None:
     halves = [(0.5, 4.0), (0.5, 6.0), (0.5, 10.0), (0.25, 6.0), (0.25, 10.0)]
     print(f"\n| groups | {' | '.join(f'{share:.0%} at {distance:g} tau' for share, distance in halves)} |")
     print(f"|---|{'---|' * len(halves)}")
-    for n in (size for size in GROUPS if size >= FEWEST_OF_TWO):
+    for n in (size for size in GROUPS if size >= FEWEST_OF_SEVERAL):
         each = (sum(are_two(rng, n, d, share) for _ in range(repeats)) for share, d in halves)
         print(f"| {n} | {' | '.join(f'{found} of {repeats}' for found in each)} |", flush=True)
 

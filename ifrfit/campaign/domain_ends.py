@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, correlation_column
+from ifrfit.campaign.group_likelihood import MU
 from ifrfit.campaign.repeated_priors import HALF_WIDTHS, SHIFT
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
 
 _MOST = 1.0  # sd: nearer to the end the distance tells little
-_MU = "mu"  # which kappa goes along with
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def cuts_of(
         if constant == name:
             total = sum(shifts.values())
         else:
-            pair = correlation_column(constant, _MU if name == KAPPA else name)
+            pair = correlation_column(constant, MU if name == KAPPA else name)
             total = sum(
                 abs(rows[number].get(pair) or 0.0) * shift
                 for number, shift in shifts.items()

@@ -88,12 +88,18 @@ class Journal:
         """What tells lines of this question from those of others."""
         return hashlib.sha256(self.question.encode()).hexdigest()[:16]
 
-    def _is_begun(self) -> bool:
-        """Whether there is more than a head that was cut off, as of a campaign killed in its first moment."""
+    def _first_line(self) -> bytes | None:
+        """As it lies there; None without a file."""
         try:
             with self.path.open("rb") as lines:
-                first = lines.readline()
+                return lines.readline()
         except FileNotFoundError:
+            return None
+
+    def _is_begun(self) -> bool:
+        """Whether there is more than a head that was cut off, as of a campaign killed in its first moment."""
+        first = self._first_line()
+        if first is None:
             return False
         return first.endswith(b"\n") or not (first.startswith(_START) or _START.startswith(first))
 
@@ -157,10 +163,8 @@ class Journal:
 
     def close(self) -> None:
         """Remove it, as the results are delivered, unless it is another campaign's by now."""
-        try:
-            with self.path.open("rb") as lines:
-                first = lines.readline()
-        except FileNotFoundError:
+        first = self._first_line()
+        if first is None:
             return
         entry = _entry(first)
         if first == self._head or (entry is not None and entry.get("of") == self._mark):

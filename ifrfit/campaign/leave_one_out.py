@@ -19,7 +19,9 @@ from ifrfit.inference.diagnostics.thresholds import REFUTED
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-FEWEST_OF_SEVERAL = 10  # groups of which several may hide one another
+# groups from which on more than one odd group at once is looked for: several that hide one another, or a
+# second population (`ifrfit.campaign.two_populations`)
+FEWEST_OF_SEVERAL = 10
 _ALL = 1500  # groups, of which each is looked at; of more one alone does not move the posterior of tau much,
 _NEAR = 3.0  # so that those within so many sd at all its nodes are well within
 _BLOCK = 500_000  # numbers at once

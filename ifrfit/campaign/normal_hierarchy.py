@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr
 
+from ifrfit.inference.distributions.protocol import LEVELS
+
 Array = NDArray[np.float64]
 
 FEWEST = 3  # groups: of fewer the posterior of tau is not proper
 _NODES = 1201  # of log tau
 _DECADES = 14.0  # e-folds of tau below and above the scale of the groups
 _KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
-_ENDS = (0.025, 0.16, 0.5, 0.84, 0.975)
 _BISECTIONS = 60
 _BLOCK = 2_000_000  # numbers at once
 
@@ -79,7 +80,7 @@ class NormalHierarchy:
     def tau_quantiles(self) -> Array:
         """Quantiles of tau, (5,)."""
         weight = self.weight
-        return np.interp(_ENDS, np.cumsum(weight) - 0.5 * weight, self.tau)
+        return np.interp(LEVELS, np.cumsum(weight) - 0.5 * weight, self.tau)
 
     def thinned(self) -> NormalHierarchy:
         """The same over fewer nodes, each with the mass about it: for quantiles of many groups."""
@@ -121,10 +122,10 @@ class NormalHierarchy:
 
 
 def _mixture_quantiles(weight: Array, mean: Array, sd: Array) -> Array:
-    """Quantiles `_ENDS` of mixtures of normals, (5, n); mean and sd (m, n), by bisection."""
+    """Quantiles `LEVELS` of mixtures of normals, (5, n); mean and sd (m, n), by bisection."""
     counts = weight > 1e-12 * weight.max()
     weight, mean, sd = weight[counts], mean[counts], sd[counts]
-    ends = np.array(_ENDS)
+    ends = np.array(LEVELS)
     found = np.empty((ends.size, mean.shape[1]))
     step = max(1, _BLOCK // (mean.shape[0] * ends.size))
     for first in range(0, mean.shape[1], step):

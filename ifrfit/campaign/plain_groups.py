@@ -275,7 +275,7 @@ def _row(
 
 
 def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain) -> Estimate:
-    """What the posterior says of a quantity; near its bounds the rule for all methods decides."""
+    """What the posterior, or a profile, says of a quantity; near bounds the rule for all methods decides."""
     if posteriors.clear[k, quantity]:
         low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
         sd = float(posteriors.sd[k, quantity])
@@ -284,7 +284,9 @@ def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain
     if posteriors.of_profile[k, quantity]:
         below = dict(zip(LIMITS, posteriors.below[k, quantity].tolist(), strict=True))
         ends = domain.lower, domain.upper
-        marginal = marginal_of_profile(ends, optimum, math.inf, lambda rise: tuple(below[rise]))
-        return estimate_of(domain, marginal, Known(seen=bool(posteriors.is_curved[k, quantity])))
+        profile = marginal_of_profile(ends, optimum, math.inf, lambda rise: tuple(below[rise]))
+        found = estimate_of(domain, profile, Known(seen=bool(posteriors.is_curved[k, quantity])))
+        if found.value is None:  # what the data leave open would follow the prior
+            return found
     marginal = marginal_of(posteriors.laws_of(k), str(quantity), domain)
     return estimate_of(domain, marginal, Known(optimum=optimum))

@@ -19,9 +19,9 @@ from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
 from ifrfit.campaign.group_likelihood import joint_likelihoods
-from ifrfit.campaign.leave_one_out import below_threshold, membership_p_values
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, below_threshold, membership_p_values
 from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
-from ifrfit.campaign.two_populations import FEWEST_OF_TWO, TwoPopulations, two_populations
+from ifrfit.campaign.two_populations import TwoPopulations, two_populations
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -150,5 +150,5 @@ def _population(
         values(hierarchy.member_quantiles()),
         hierarchy.shrinkage(),
         membership_p_values(hierarchy),
-        two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_TWO else None,
+        two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_SEVERAL else None,
     )

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, expit, ndtr
 from scipy.stats import kurtosis, skew
 
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 
 Array = NDArray[np.float64]
 
-FEWEST_OF_TWO = 10  # groups
 _DOF = 4.0
 _MOST = 400  # groups, of which all are looked at; of more so many, drawn
 _FLAT, _LOPSIDED = -0.6, 0.5  # excess kurtosis and skewness within which two peaks do not stand apart
@@ -69,12 +69,12 @@ def two_populations(y: Array, s: Array, *, seed: int = 0) -> TwoPopulations | No
     Parameters
     ----------
     y, s : ndarray, (n,)
-        What each group says by itself, and with which standard deviation; at least `FEWEST_OF_TWO`.
+        What each group says by itself, and with which standard deviation; at least `FEWEST_OF_SEVERAL`.
     seed : int
         Draws the groups that are looked at where they are many.
     """
-    if y.size < FEWEST_OF_TWO:
-        raise ValueError(f"two populations are told from {FEWEST_OF_TWO} groups on, not from {y.size}")
+    if y.size < FEWEST_OF_SEVERAL:
+        raise ValueError(f"two populations are told from {FEWEST_OF_SEVERAL} groups on, not from {y.size}")
     rng = np.random.default_rng(seed)
     chosen = np.arange(y.size) if y.size <= _MOST else rng.choice(y.size, _MOST, replace=False)
     seen, error = y[chosen], s[chosen]

@@ -115,9 +115,13 @@ class Layout:
             self._refuse_fractions(column, values)
         return values * UNITS[column.unit][1]
 
+    def sigma_key(self, name: str) -> str | None:
+        """Key of the column with the uncertainties of an observable that has a column of its own."""
+        return next((key for key in (f"sigma:{name}", "sigma") if self.has(key)), None)
+
     def sigmas(self, name: str) -> NDArray[np.float64]:
-        """Uncertainties of the values of an observable that has a column of its own."""
-        return self.numbers(f"sigma:{name}" if self.has(f"sigma:{name}") else "sigma")
+        """Uncertainties of the values of an observable that has a column of its own; NaN without any."""
+        return self.numbers(self.sigma_key(name) or "sigma")
 
     def degrees_of(self, column: Column, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return angles in degrees; without a unit the values must tell, or the column is refused.
@@ -174,6 +178,11 @@ class Layout:
         elif column.key != "n_repeats":
             refuse_missing_codes(self.cells, column.header, values)
         return values
+
+    @property
+    def has_gamma(self) -> bool:
+        """Whether the table has the incidence angle, or its tangent."""
+        return self.has("gamma") or self.has("tan_gamma")
 
     def gamma(self) -> NDArray[np.float64]:
         """Return the incidence angle from the normal in degrees; NaN if the table has none."""

@@ -285,7 +285,7 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
     """Say what was turned, and which conventions changed nothing: misspelt, or meant for another file."""
     conventions, name = layout.conventions, layout.cells.name
     unused = []
-    if conventions.angle_from and not (layout.has("gamma") or layout.has("tan_gamma")):
+    if conventions.angle_from and not layout.has_gamma:
         unused.append(f"angle={conventions.angle_from}")
     for of, choice in conventions.choices.items():
         if of == "z":

@@ -7,7 +7,7 @@ takes is still free.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 
+COUNTED_ALREADY = "same impacts counted already"  # why a value is left out
 _NORMAL = ("e_n", "v_n")
 _BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
 
@@ -75,9 +76,46 @@ def double_counted(
     return double, _notes(table, names, labels, double)
 
 
-def measurements_of(name: str) -> frozenset[str]:
-    """Which measurements of its impact an observable takes up."""
-    return frozenset(OBSERVABLES[name].takes)
+class TakenMeasurements:
+    """Which measurements of each impact are taken up, while observables come in the order of `OBSERVABLES`.
+
+    Parameters
+    ----------
+    impacts : int
+        How many.
+    """
+
+    def __init__(self, impacts: int) -> None:
+        self._bits = np.zeros(impacts, dtype=np.uint8)
+
+    def take(self, name: str, impacts: NDArray[np.intp]) -> Mask:
+        """Let an observable take up all it takes of some impacts, as far as all of it is free.
+
+        Parameters
+        ----------
+        name : str
+        impacts : ndarray of int, (k,)
+            By number; one that stands there several times is treated alike each time.
+
+        Returns
+        -------
+        ndarray of bool, (k,)
+            Whether it was free.
+        """
+        bits = np.uint8(_bits_of(name))
+        free: Mask = (self._bits[impacts] & bits) == 0
+        self._bits[impacts[free]] |= bits
+        return free
+
+
+def without_double_counting(names: Collection[str]) -> tuple[list[str], list[str]]:
+    """Observables of one impact that count it once, in the order of `OBSERVABLES`, and the others."""
+    taken, impact = TakenMeasurements(1), np.zeros(1, dtype=np.intp)
+    used: list[str] = []
+    others: list[str] = []
+    for name in (each for each in OBSERVABLES if each in names):
+        (used if taken.take(name, impact).all() else others).append(name)
+    return used, others
 
 
 def _bits_of(name: str) -> int:
@@ -99,17 +137,15 @@ def _taken(links: NDArray[np.int64], names: NDArray[np.object_], readings: NDArr
         Rows of one reading stay together.
     """
     out = np.zeros(len(names), dtype=bool)
-    taken = np.zeros(int(links.max(initial=-1)) + 1, dtype=np.uint8)
-    for name in (o for o in OBSERVABLES if taken.size and _bits_of(o)):
+    taken = TakenMeasurements(int(links.max(initial=-1)) + 1)
+    for name in (o for o in OBSERVABLES if _bits_of(o)):
         rows = np.flatnonzero((links >= 0) & (names == name))
         if not rows.size:
             continue
-        bits = np.uint8(_bits_of(name))
         _, first, which = np.unique(links[rows], return_index=True, return_inverse=True)
         same = readings[rows] == readings[rows[first]][which]
-        good = same & ((taken[links[rows]] & bits) == 0)
-        taken[links[rows[good]]] |= bits
-        out[rows[~good]] = True
+        out[rows] = True
+        out[rows[same]] = ~taken.take(name, links[rows[same]])
     return out
 
 

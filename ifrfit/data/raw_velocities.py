@@ -286,7 +286,7 @@ def _check_columns(layout: Layout) -> None:
                 "velocities and spins in one file, what was computed from them in another; beside what was "
                 "computed a spin before impact is spin_y = R omega_y/u."
             )
-    angled = layout.has("gamma") or layout.has("tan_gamma")
+    angled = layout.has_gamma
     if not _has_components(layout) and not (angled and layout.has("speed")):
         raise DataError(
             f"{cells.file}: the incoming velocity is missing. Add u_x_m_s and u_z_m_s (z points into the "

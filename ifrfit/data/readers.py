@@ -153,7 +153,7 @@ def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
         return read_raw(layout, inertia_factor)
     else:
         pieces = read_wide(layout)
-    if not (layout.has("gamma") or layout.has("tan_gamma")):
+    if not layout.has_gamma:
         _require_no_angle(pieces, layout)
     return pieces
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.derived_columns import contradictions
-from ifrfit.data.double_counting import count, double_counted, shares_e_n
+from ifrfit.data.double_counting import COUNTED_ALREADY, count, double_counted, shares_e_n
 from ifrfit.data.observations import Observations, Source, word_of
 from ifrfit.data.repeat_readings import repeat_readings
 from ifrfit.errors import DataError, UsageError
@@ -105,7 +105,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
         rows = table if left.size == len(table) else table.iloc[left]
         faces = {s.name: s.descriptor.faces for s in obs.sources if s.descriptor}
         double, said = double_counted(rows, faces, selection.observable, selection.series)
-        why[left[double]] = "same impacts counted already"
+        why[left[double]] = COUNTED_ALREADY
         notes.extend([*said, *contradictions(rows, double)])
         redundant = rows.loc[double].reset_index(drop=True) if double.any() else None
         left = left[~double]

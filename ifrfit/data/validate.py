@@ -277,9 +277,10 @@ def refuse_summary_rows(layout: Layout) -> None:
             )
 
 
-# by how much readings of one impact may differ, and what to call them; of a speed relative to itself
+SAME_ANGLE = 0.5  # degrees that readings of one impact may differ by
+# by how much they may, and what to call them; of a speed relative to itself
 _SETTINGS = {
-    "gamma_deg": (0.5, "angle", " degrees"),
+    "gamma_deg": (SAME_ANGLE, "angle", " degrees"),
     "spin_x": (0.05, "spin", ""),
     "spin_y": (0.05, "spin", ""),
     "speed_m_s": (0.1, "speed", " m/s"),

@@ -301,7 +301,7 @@ def asked_of_stream(stream: ImpactStream, model: Model, closure: Closure, noise:
             noise=noise,
             method="lsq",
             seed=seed,
-            observable=() if stream.beside else stream.observables,
+            observable=() if stream.used.beside else stream.observables,
             independent=stream.selection.independent,
         )
 

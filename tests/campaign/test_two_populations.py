@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy import optimize, special, stats
 
-from ifrfit.campaign.leave_one_out import groups_that_hide, outlying_groups
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, groups_that_hide, outlying_groups
 from ifrfit.campaign.normal_hierarchy import NormalHierarchy
 from ifrfit.campaign.two_populations import (
-    FEWEST_OF_TWO,
     _one_law,
     _one_peak,
     _two_laws,
@@ -102,8 +101,8 @@ def test_one_population_that_is_not_normal_is_none_of_two(kind):
 
 
 def test_two_ends_among_few_are_not_told():
-    with pytest.raises(ValueError, match=str(FEWEST_OF_TWO)):
-        two_populations(np.zeros(FEWEST_OF_TWO - 1), np.ones(FEWEST_OF_TWO - 1))
+    with pytest.raises(ValueError, match=str(FEWEST_OF_SEVERAL)):
+        two_populations(np.zeros(FEWEST_OF_SEVERAL - 1), np.ones(FEWEST_OF_SEVERAL - 1))
 
 
 @pytest.mark.parametrize("offsets", [[10.0, 10.0], [10.0, -10.0], [10.0, 12.0, -9.0, 11.0]])
@@ -142,7 +141,7 @@ def test_false_alarms_are_rare():
     rng = np.random.default_rng(2)
     two = odd = 0
     for number in range(120):
-        n = int(rng.integers(FEWEST_OF_TWO, 60))
+        n = int(rng.integers(FEWEST_OF_SEVERAL, 60))
         s = rng.uniform(0.5, 2.0, n)
         y = rng.normal((0.0, 0.5, 2.0, 20.0)[number % 4] * rng.standard_normal(n), s)
         two += two_populations(y, s) is not None

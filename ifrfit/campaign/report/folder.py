@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit._version import __version__
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.campaign.population import Population
 from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.run import Campaign
-from ifrfit.campaign.two_populations import FEWEST_OF_TWO
 from ifrfit.inference.io.json_text import write_json
 from ifrfit.report.atomic_folder import Contents, deliver
 
@@ -85,7 +85,7 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
 
 def _two(found: Population) -> dict[str, Any] | None:
     """The two populations that describe the groups better, or none; None where it was not looked at."""
-    if found.groups.size < FEWEST_OF_TWO:
+    if found.groups.size < FEWEST_OF_SEVERAL:
         return None
     if found.two is None:
         return {"p_value": None, "populations": []}

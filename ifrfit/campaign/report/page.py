@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ifrfit.report.page.charts.chart import (
     lines_panel,
 )
 from ifrfit.report.page.html import asset, fill
+from ifrfit.report.page.sortable_table import Cell
 from ifrfit.report.style import COLOURS
 from ifrfit.text import decimals, fixed
 
@@ -30,15 +30,6 @@ MOST_DRAWN = 40  # groups of a forest
 MOST_LISTED = 20_000  # rows of the page; the Parquet file has all
 _LONGEST = 34
 _LETTER = 1.45  # millimetres
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A cell of the table: what is shown, and what it is sorted by."""
-
-    text: str
-    key: str
-    note: str = ""
 
 
 def page(campaign: Campaign) -> str:

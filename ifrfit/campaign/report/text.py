@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
+from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.campaign.normal_hierarchy import FEWEST
 from ifrfit.campaign.population import Population
 from ifrfit.campaign.run import Campaign, label
-from ifrfit.campaign.two_populations import FEWEST_OF_TWO
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.text import decimals, fixed, joined, p_text
 
@@ -84,11 +84,11 @@ def membership(campaign: Campaign) -> list[str]:
             "values are drawn to a middle where no group is: see what the groups of each have in common "
             "(NAME_upper_population of results.parquet), and make a campaign of each.",
         ]
-    small = [each.name for each in campaign.populations if FEWEST < each.groups.size < FEWEST_OF_TWO]
+    small = [each.name for each in campaign.populations if FEWEST < each.groups.size < FEWEST_OF_SEVERAL]
     if small:
         said.append(
             f"Whether {joined(small)} {'has' if len(small) == 1 else 'have'} two populations of groups, or "
-            f"several groups that hide one another, is looked at from {FEWEST_OF_TWO} groups on."
+            f"several groups that hide one another, is looked at from {FEWEST_OF_SEVERAL} groups on."
         )
     few = [each.name for each in campaign.populations if each.outlying is None]
     if few:

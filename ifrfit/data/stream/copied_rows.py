@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.stream.sample import lot_of_some
+from ifrfit.data.stream.sample import MIX_A, MIX_B, MIX_C, lot_of_some
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
 
@@ -25,10 +25,7 @@ KEPT = 4096  # different impacts
 _NOWHERE = np.uint64(2**64 - 1)
 _FIRST, _AGAIN, _COUNT = range(3)
 SETTING = 3  # columns of an impact before its values: angle and spins
-# odd multipliers of splitmix64 (Steele, Lea & Flood 2014, OOPSLA, 453)
-_MIX_A, _MIX_B, _MIX_C = (
-    np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
-)
+_MIX_A, _MIX_B, _MIX_C = map(np.uint64, (MIX_A, MIX_B, MIX_C))  # of splitmix64
 
 
 @dataclass
@@ -190,8 +187,8 @@ def _chosen(gamma: Bits, value: Bits, most: int) -> tuple[Bits, Index]:
     count = 0
     for i in range(gamma.size):
         turned = (value[i] << np.uint64(21)) | (value[i] >> np.uint64(43))
-        z = (gamma[i] + turned) * np.uint64(0x9E3779B97F4A7C15)
-        z = (z ^ (z >> np.uint64(32))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (gamma[i] + turned) * np.uint64(MIX_A)
+        z = (z ^ (z >> np.uint64(32))) * np.uint64(MIX_B)
         if z <= most:
             lots[count], rows[count] = z, i
             count += 1

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions
-from ifrfit.data.double_counting import measurements_of
+from ifrfit.data.double_counting import COUNTED_ALREADY, TakenMeasurements
 from ifrfit.data.readings_below_zero import has_sign
 from ifrfit.data.schema import BY_NOISE, SIGMA_RANGE, SPEED_RANGE, TINY, provenance_name
 from ifrfit.data.selection import Selection, check_ranges
@@ -28,24 +28,18 @@ from ifrfit.data.stream.files import NotStreamableError, is_text, refuse_copies,
 from ifrfit.data.stream.plain_rows import PlainRows, all_rows, same_in_all
 from ifrfit.data.stream.portions import Piece, Portion, portions_of
 from ifrfit.data.stream.read_ahead import read_ahead
-from ifrfit.data.stream.refusals import (
-    refuse_other_columns,
-    refuse_same_rows,
-    refuse_summaries,
-    refuse_tables_in_memory,
-)
+from ifrfit.data.stream.refusals import refuse_other_columns, refuse_same_rows, refuse_summaries
 from ifrfit.data.stream.row_places import excluded_rows, name_of, place_of
 from ifrfit.data.stream.sample import Sample
 from ifrfit.data.stream.table_batches import cells_of, labels_of, table_batches
 from ifrfit.data.stream.tally import Tally
+from ifrfit.data.stream.used_columns import SPINS, UsedColumns, keys_that_count
 from ifrfit.data.table_folders import possible_duplicates
-from ifrfit.data.table_forms import check_uncertainties
 from ifrfit.data.validate import impossible, undefined_at
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compiled_incidence import incidence_of
 from ifrfit.physics.observables import FREE, OBSERVABLES
-from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -56,7 +50,7 @@ Mask = NDArray[np.bool_]
 _NO_ROWS = np.empty(0, dtype=np.intp)
 _KEPT = 1 << 20  # numbers: some columns of a batch
 _IN_NUMPY = partial(Incidence.of, degrees=True)
-STREAMED = ("v_x", "v_n", "spin_y_after", "beta_cm", "e_n", "beta", "mu")  # linear, along the incoming path
+_NO_COLUMNS = UsedColumns()
 
 
 class Values(NamedTuple):
@@ -123,19 +117,8 @@ class ImpactStream:
     conventions : Conventions
     selection : Selection
     inertia_factor : float
-    observables : tuple of str
-        Those that are used.
-    has_sigma : bool
-        Whether every observable that is used has a column of uncertainties.
-    has_spin : bool
-        Whether there is a column of spins before impact.
-    notes : tuple of str
-    columns : frozenset of str
-        What counts of the columns of the first file, by the names of the schema: every file has the same.
-    empty_spins : frozenset of str
-        Columns of spins in which nothing stands: no spin, as if there were no column.
-    beside : frozenset of str
-        Observables that are used where those before them, of the same impacts, are not measured.
+    used : UsedColumns
+        Of the first file that has rows.
     excluded : tuple of (int, int)
         Rows that are left out: file, and row in it from 0 on.
     """
@@ -145,13 +128,7 @@ class ImpactStream:
     conventions: Conventions
     selection: Selection
     inertia_factor: float
-    observables: tuple[str, ...] = ()
-    has_sigma: bool = False
-    has_spin: bool = False
-    notes: tuple[str, ...] = ()
-    columns: frozenset[str] = frozenset()
-    empty_spins: frozenset[str] = frozenset()
-    beside: frozenset[str] = frozenset()
+    used: UsedColumns = _NO_COLUMNS
     excluded: tuple[tuple[int, int], ...] = ()
 
     @classmethod
@@ -162,10 +139,8 @@ class ImpactStream:
 
         Raises
         ------
-        NotStreamableError
-            For a long table, raw velocities, or observables that are not among `STREAMED`.
-        DataError
-            A file cannot be read or stands there twice, or there is none, or no row in any.
+        NotStreamableError, UsageError, DataError
+            As `UsedColumns.of`; or a file cannot be read or stands there twice, or there is none, or no row.
         """
         check_ranges(selection)
         files = stream_files(path)
@@ -181,7 +156,7 @@ class ImpactStream:
                     cells = cells_of(batch, piece.path, 0)
                     layout = identify(cells, conventions, note_open=_left_open)
                     _refuse_unclear(selection, layout, name_of(piece.path, path))
-                    return stream.choosing_by(layout)._with_empty_spins(layout, piece.path)
+                    return stream.choosing_by(layout)._with_spins_met(layout, piece.path)
         raise DataError(f"{path}: there is no row in these files.")
 
     def _refuse_duplicates(self, files: Sequence[Path]) -> None:
@@ -198,17 +173,52 @@ class ImpactStream:
             if one is not None and other is not None:
                 refuse_same_rows(one, other)
 
-    def _with_empty_spins(self, layout: Layout, path: Path) -> ImpactStream:
-        """Knowing the columns of spins that hold no value in the first file: no spin, as if not there."""
-        places = {key: layout.columns[key].index for key in ("spin_x", "spin_y") if layout.has(key)}
-        empty = dict(places)
+    def choosing_by(self, layout: Layout) -> ImpactStream:
+        """With what is used of the columns of a table.
+
+        Raises
+        ------
+        NotStreamableError, DataError, UsageError
+            As `UsedColumns.of`.
+        """
+        return replace(self, used=UsedColumns.of(layout, self.selection))
+
+    def _with_spins_met(self, layout: Layout, path: Path) -> ImpactStream:
+        """Knowing which columns of spins hold a value in the first file; read until each of them does."""
+        counts = dict.fromkeys(self.used.spins, 0)
         for piece in (piece for piece in self._pieces() if piece.path == path):
-            for batch in _reading(piece) if empty else ():
+            for batch in _reading(piece) if not all(counts.values()) else ():
                 cells = cells_of(batch, path, 0)
-                empty = {key: at for key, at in empty.items() if np.isnan(cells.numbers(at)).all()}
-                if not empty:
-                    return self
-        return replace(self, empty_spins=frozenset(empty), has_spin=len(empty) < len(places))
+                for key in [key for key, count in counts.items() if not count]:
+                    values = cells.numbers(layout.columns[key].index)
+                    counts[key] = int(np.count_nonzero(~np.isnan(values)))
+                if all(counts.values()):
+                    break
+        return replace(self, used=self.used.with_spins_met(counts))
+
+    def without_sigma(self) -> ImpactStream:
+        """Whose uncertainties are not used."""
+        return replace(self, used=replace(self.used, has_sigma=False))
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """Those that are used."""
+        return self.used.observables
+
+    @property
+    def has_sigma(self) -> bool:
+        """Whether every observable that is used has an uncertainty, which is used."""
+        return self.used.has_sigma
+
+    @property
+    def has_spin(self) -> bool:
+        """Whether there is a spin before impact."""
+        return self.used.has_spin
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should hear about the choice."""
+        return self.used.notes
 
     @property
     def rows(self) -> int:
@@ -246,9 +256,11 @@ class ImpactStream:
                         cells = cells_of(batch, piece.path, 0)
                         layout = identify(cells, self.conventions, note_open=_left_open)
                         refuse_other_columns(
-                            layout, self.columns, self._columns_that_count(layout, self.observables)
+                            layout,
+                            self.used.keys,
+                            keys_that_count(layout, self.observables, self.selection),
                         )
-                        if not self.empty_spins:  # which have to stay empty
+                        if not self.used.empty_spins:  # which have to stay empty
                             ranges = self.selection.ranges
                             plain = PlainRows.of(layout, self.observables, self.has_sigma, ranges)
                     first = piece.first + seen_rows
@@ -279,7 +291,7 @@ class ImpactStream:
         if plain is None or columns is None:
             return None
         gamma, n = columns["gamma"].values, batch.num_rows
-        spins = [columns[name].values if name in columns else None for name in ("spin_x", "spin_y")]
+        spins = [columns[name].values if name in columns else None for name in SPINS]
         if any(spin is not None for spin in spins):
             spins = [same_in_all(0.0, n) if spin is None else spin for spin in spins]
         incidence = incidence_of(gamma, *spins)
@@ -287,7 +299,7 @@ class ImpactStream:
             return None
         values = {}
         ends = {"gamma": columns["gamma"].ends}
-        taken: dict[str, Mask] = {}
+        taken = TakenMeasurements(n)
         for name, key in plain.observables:
             column, at = columns[name], all_rows(n)
             value = column.values
@@ -295,8 +307,8 @@ class ImpactStream:
             if column.has_gaps:
                 at = np.flatnonzero(~np.isnan(value))
             tally.skipped["not measured"] += n - at.size
-            if self.beside:
-                at = np.flatnonzero(self._not_taken(name, ~np.isnan(value), taken, tally))
+            if self.used.beside:
+                at = self._not_taken(name, at, taken, tally)
             if at.size < n:
                 value, sigma = value[at], sigma[at]
             else:
@@ -366,7 +378,7 @@ class ImpactStream:
         incidence = state_of(np.clip(np.nan_to_num(gamma), 0.0, 90.0), *spins)
         undefined = undefined_at(incidence.sine, incidence.cosine, *spins)
         values = {}
-        taken: dict[str, Mask] = {}
+        taken = TakenMeasurements(gamma.size)
         usable = np.ones(gamma.size, dtype=bool)
         for name in self.observables:
             if not layout.has(name):
@@ -378,8 +390,8 @@ class ImpactStream:
             if of.has_angle and not spin_known.all():
                 tally.skipped["spin not measured"] += int(np.count_nonzero(measured & ~spin_known))
                 measured &= spin_known
-            if self.beside:
-                measured = self._not_taken(name, measured, taken, tally)
+            if self.used.beside:
+                measured = _at(self._not_taken(name, np.flatnonzero(measured), taken, tally), gamma.size)
             good = measured
             refused = dict(settings)
             bad = impossible(of, value, sigma if self.has_sigma else None)
@@ -424,26 +436,21 @@ class ImpactStream:
                 sums = float(s_own @ z_own), float(s_own @ s_own), float(z_own @ z_own)
                 tally.note_below(name, tally.series[number], z_own.size, sums)
 
-    def _not_taken(self, name: str, measured: Mask, taken: dict[str, Mask], tally: Tally) -> Mask:
-        """Values of an observable in impacts of which no observable before it has taken the same measurement.
-
-        `taken` are the impacts by measurement, to which these are added.
-        """
-        free = measured
-        for slot in measurements_of(name):
-            free = free & ~taken.get(slot, np.zeros(measured.size, dtype=bool))
-        for slot in measurements_of(name):
-            taken[slot] = taken.get(slot, np.zeros(measured.size, dtype=bool)) | free
-        tally.skipped["same impacts counted already"] += int(np.count_nonzero(measured & ~free))
-        return free
+    def _not_taken(
+        self, name: str, at: NDArray[np.intp], taken: TakenMeasurements, tally: Tally
+    ) -> NDArray[np.intp]:
+        """Those of some impacts of which no observable before this one has taken the same measurement."""
+        free = taken.take(name, at)
+        tally.skipped[COUNTED_ALREADY] += free.size - int(np.count_nonzero(free))
+        return at[free]
 
     def _spins_of(self, layout: Layout) -> tuple[list[Array], Mask]:
         """Spins before impact, and where they are known: nothing in a column of spins is no zero."""
         found = []
         known = np.ones(len(layout.cells), dtype=bool)
-        for name in ("spin_x", "spin_y"):
+        for name in SPINS:
             spin = layout.numbers(name)
-            if name in self.empty_spins:
+            if name in self.used.empty_spins:
                 layout.cells.refuse_first(
                     ~np.isnan(spin),
                     layout.header(name),
@@ -456,71 +463,6 @@ class ImpactStream:
                 known &= ~np.isnan(spin)
             found.append(np.nan_to_num(spin))
         return found, known
-
-    def choosing_by(self, layout: Layout) -> ImpactStream:
-        """With the observables that a table has, as far as none of them counts an impact twice.
-
-        Raises
-        ------
-        NotStreamableError, DataError, UsageError
-            As `of`.
-        """
-        path = layout.cells.file
-        refuse_tables_in_memory(layout, STREAMED)
-        there = [name for name in OBSERVABLES if layout.has(name)]
-        if there:
-            check_uncertainties(layout, there, there)
-        wanted = self.selection.observable or tuple(there)
-        missing = [name for name in wanted if name not in there]
-        if missing or not wanted:
-            raise UsageError(
-                f"{path}: there is no column of {missing[0] if missing else 'an observable'}. "
-                f"There is {joined(there) or 'none'}."
-            )
-        used, dropped = _of_different_impacts(wanted, independent=self.selection.independent)
-        odd = [name for name in used if name not in STREAMED]
-        if odd:
-            raise NotStreamableError(
-                f"{path}: {odd[0]} is read into memory; what is streamed is {', '.join(STREAMED)}. Choose "
-                "one by --observable."
-            )
-        if any(OBSERVABLES[n].has_angle for n in used) and not (
-            layout.has("gamma") or layout.has("tan_gamma")
-        ):
-            raise DataError(f"{path}: there is no incidence angle. Add a column gamma_deg (from the normal).")
-        sigmas = [name for name in used if layout.has(f"sigma:{name}")]
-        has_sigma = len(sigmas) == len(used) or (layout.has("sigma") and len(used) == 1)
-        # as in memory, unless one that was asked for by name
-        beside = [] if self.selection.observable else [name for name in dropped if name in STREAMED]
-        if has_sigma:
-            beside = [name for name in beside if layout.has(f"sigma:{name}")]
-        rest = [name for name in dropped if name not in beside]
-        words = [f"{joined(beside)} only where these are not measured"] if beside else []
-        words += [f"{joined(rest)} left out"] if rest else []
-        note = (
-            f"{Path(path).name}: {joined(used)} used, {joined(words)}: they are of the same impacts and "
-            "would count them twice"
-        )
-        first = layout.header(f"sigma:{sigmas[0]}") if sigmas else ""
-        alone = (
-            f"{Path(path).name}: {first} is not used, because "
-            "not every observable has a column of uncertainties: errors are taken from the scatter"
-        )
-        return replace(
-            self,
-            observables=tuple(name for name in OBSERVABLES if name in used or name in beside),
-            beside=frozenset(beside),
-            has_sigma=has_sigma,
-            has_spin=layout.has("spin_x") or layout.has("spin_y"),
-            notes=((note,) if dropped else ()) + ((alone,) if sigmas and not has_sigma else ()),
-            columns=self._columns_that_count(layout, [*used, *beside]),
-        )
-
-    def _columns_that_count(self, layout: Layout, used: Sequence[str]) -> frozenset[str]:
-        """Observables, or those that were asked for; their uncertainties; the spins before impact."""
-        seen = used if self.selection.observable else [name for name in OBSERVABLES if layout.has(name)]
-        sigmas = [f"sigma:{name}" for name in used] + (["sigma"] if len(used) == 1 else [])
-        return frozenset(key for key in (*seen, *sigmas, "spin_x", "spin_y") if layout.has(key))
 
     def _settings(self, layout: Layout, gamma: Array, spins: Sequence[Array]) -> dict[str, Mask]:
         """Impacts whose setting is impossible, or not among those that were asked for, by reason."""
@@ -571,18 +513,11 @@ def _all_usable(n: int) -> Mask:
     return found
 
 
-def _of_different_impacts(names: Sequence[str], *, independent: bool) -> tuple[list[str], list[str]]:
-    """Observables that count no impact twice, in the order of the registry, and the others."""
-    taken: set[str] = set()
-    used, dropped = [], []
-    for name in (each for each in OBSERVABLES if each in names):
-        own = measurements_of(name)
-        if own & taken and not independent:
-            dropped.append(name)
-        else:
-            taken |= own
-            used.append(name)
-    return used, dropped
+def _at(places: NDArray[np.intp], n: int) -> Mask:
+    """Some of n rows, by their places."""
+    found = np.zeros(n, dtype=bool)
+    found[places] = True
+    return found
 
 
 def _refuse_unclear(selection: Selection, layout: Layout, file: str) -> None:

@@ -92,7 +92,7 @@ class PlainRows:
             wanted["speed"] = SPEED_RANGE
         pairs: list[tuple[str, str | None]] = []
         for name in observables:
-            sigma = next((key for key in (f"sigma:{name}", "sigma") if layout.has(key)), None)
+            sigma = layout.sigma_key(name)
             pairs.append((name, sigma))
             wanted[name] = (OBSERVABLES[name].low, OBSERVABLES[name].high)
             if sigma is not None:

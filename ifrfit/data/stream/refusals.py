@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,11 +53,11 @@ def refuse_tables_in_memory(layout: Layout, streamed: Sequence[str]) -> None:
         )
 
 
-def refuse_other_columns(layout: Layout, expected: frozenset[str], found: frozenset[str]) -> None:
+def refuse_other_columns(layout: Layout, expected: Collection[str], found: Collection[str]) -> None:
     """Refuse a file that holds more or less than the first one: what is not there is no zero."""
     names = {
         key: layout.header(key) if key in found else key.replace("sigma:", "sigma_")
-        for key in sorted(expected ^ found)
+        for key in sorted(set(expected) ^ set(found))
     }
     file = layout.cells.file
     for key, header in names.items():

@@ -9,8 +9,7 @@ import numpy as np
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions
-
-_SAME = 0.5  # degrees that readings of one impact may differ by, as in a table that is held in memory
+from ifrfit.data.validate import SAME_ANGLE
 
 
 def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells, str]:
@@ -20,13 +19,13 @@ def without_repeated_ids(cells: Cells, conventions: Conventions) -> tuple[Cells,
     angle it is said that each row counts.
     """
     layout = identify(cells, conventions)
-    if not layout.has("impact_id") or not (layout.has("gamma") or layout.has("tan_gamma")):
+    if not layout.has("impact_id") or not layout.has_gamma:
         return cells, ""
     ids, gamma = np.array(layout.texts("impact_id"), dtype=object), layout.gamma()
     given = np.flatnonzero((ids != "") & np.isfinite(gamma))
     _, first, impact = np.unique(ids[given].astype(str), return_index=True, return_inverse=True)
     start = given[first[impact]]
-    differs = np.flatnonzero(np.abs(gamma[given] - gamma[start]) > _SAME)
+    differs = np.flatnonzero(np.abs(gamma[given] - gamma[start]) > SAME_ANGLE)
     if not differs.size:
         again = np.flatnonzero(start != given)
         if not again.size:

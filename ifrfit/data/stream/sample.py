@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.stream.portions import Portion
-from ifrfit.data.stream.row_places import Place, places_of
+from ifrfit.data.stream.row_places import Place, place_of, places_of
 from ifrfit.data.stream.table_batches import cells_of, rows_like_others
 from ifrfit.physics.compiled_incidence import read_only
 from ifrfit.physics.compiling import compiled
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SAMPLE = 20_000  # impacts that are looked at one by one
-_MIX_A, _MIX_B, _MIX_C = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+# odd multipliers of splitmix64 (Steele, Lea & Flood 2014, OOPSLA, 453)
+MIX_A, MIX_B, MIX_C = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 _BLOCK = 1024  # lots at once
 _SPARE, _SPARE_OF_COUNTED = 4.0, 1.5  # a guess of how many rows there are may be so many times too large
 
@@ -139,34 +140,33 @@ def lots_of_rows(number: int, first: int, n: int) -> NDArray[np.uint64]:
 def _rows_of_lots(lots: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """The numbers of the rows that have some lots: those of `place_of`, by splitmix64 undone."""
     z = lots
-    for shift, factor in ((31, _MIX_C), (27, _MIX_B)):
+    for shift, factor in ((31, MIX_C), (27, MIX_B)):
         z = (z ^ (z >> np.uint64(shift)) ^ (z >> np.uint64(2 * shift))) * np.uint64(pow(factor, -1, 2**64))
     z = z ^ (z >> np.uint64(30)) ^ (z >> np.uint64(60))
-    return np.asarray(z * np.uint64(pow(_MIX_A, -1, 2**64)) - np.uint64(1))
+    return np.asarray(z * np.uint64(pow(MIX_A, -1, 2**64)) - np.uint64(1))
 
 
 def _lots(
     number: int, first: int, is_free: NDArray[np.bool_], most: int
 ) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
     """The lots of rows of a file that are free and have such a number at most, and which rows these are."""
-    lots, rows = compiled(_drawn)(number, first, is_free.size, np.uint64(most), read_only(is_free))
+    seed = np.uint64(place_of(number, first))
+    lots, rows = compiled(_drawn)(seed, is_free.size, np.uint64(most), read_only(is_free))
     return lots, rows
 
 
 def _drawn(
-    number: int, first: int, n: int, most: int, is_free: NDArray[np.bool_]
+    seed: np.uint64, n: int, most: int, is_free: NDArray[np.bool_]
 ) -> tuple[NDArray[np.uint64], NDArray[np.intp]]:
-    # splitmix64, Steele, Lea & Flood (2014), OOPSLA, 453
     lots, rows = np.empty(n, dtype=np.uint64), np.empty(n, dtype=np.intp)
     some = np.empty(_BLOCK, dtype=np.uint64)
     count = 0
-    seed = np.uint64(first) + (np.uint64(number) << np.uint64(40))
     for begin in range(0, n, _BLOCK):
         here = min(_BLOCK, n - begin)
         for k in range(here):  # next to one another, so that the processor takes them together
-            z = (seed + np.uint64(begin + k) + np.uint64(1)) * np.uint64(_MIX_A)
-            z = (z ^ (z >> np.uint64(30))) * np.uint64(_MIX_B)
-            z = (z ^ (z >> np.uint64(27))) * np.uint64(_MIX_C)
+            z = (seed + np.uint64(begin + k) + np.uint64(1)) * np.uint64(MIX_A)
+            z = (z ^ (z >> np.uint64(30))) * np.uint64(MIX_B)
+            z = (z ^ (z >> np.uint64(27))) * np.uint64(MIX_C)
             some[k] = z ^ (z >> np.uint64(31))
         for k in range(here):
             if some[k] <= most and is_free[begin + k]:

@@ -164,7 +164,7 @@ def fit_stream(
     for each in asked:
         _refuse(each.closure, policy, estimator)
     if policy == "unknown":  # no sigma is used, and none is missed
-        reader = replace(reader, stream=replace(reader.stream, has_sigma=False))
+        reader = replace(reader, stream=reader.stream.without_sigma())
     stream = reader.stream
     weighted = stream.has_sigma if policy is None else policy == "known"
     if weighted and not stream.has_sigma:

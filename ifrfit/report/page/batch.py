@@ -14,6 +14,7 @@ from ifrfit.inference.result.types import Estimate
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.html import asset, fill
 from ifrfit.report.page.sections.constants import draw_forest
+from ifrfit.report.page.sortable_table import Cell
 from ifrfit.report.page.writing import check_free, put, report_files, title, verdict
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 from ifrfit.report.sentences import (
@@ -38,15 +39,6 @@ class Entry:
     name: str
     file: str
     result: FitResult
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A cell of the index: what is shown, and what it is sorted by."""
-
-    text: str
-    key: str
-    note: str = ""
 
 
 def write_batch(

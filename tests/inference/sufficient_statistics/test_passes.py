@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 
@@ -126,6 +127,40 @@ def test_an_interrupted_fit_goes_on(tmp_path, monkeypatch):
     assert record_of(ifrfit.fit(folder, method=Exact(resume=out))) == alone
     assert len(read) == len(portions.portions_of(sorted(folder.iterdir()))) - len(kept)
     assert not (tmp_path / "out.unfinished").exists()
+
+
+_QUESTIONS = """
+import sys
+from pathlib import Path
+import numpy as np
+from ifrfit.data.conventions import Conventions
+from ifrfit.data.selection import Selection
+from ifrfit.data.stream.impact_stream import ImpactStream
+from ifrfit.inference.sufficient_statistics.accumulated import BINS, Accumulated
+from ifrfit.inference.sufficient_statistics.tau_intervals import Intervals
+from ifrfit.inference.sufficient_statistics.unfinished_pass import UnfinishedPass
+stream = ImpactStream.of(Path(sys.argv[1]), Conventions(), Selection(), 0.4)
+nothing = Accumulated.nothing(stream, True, Intervals(BINS), np.zeros(BINS, dtype=bool))
+print(UnfinishedPass(Path("x")).of(nothing).question)
+"""
+
+
+def test_another_process_goes_on_with_what_was_kept(tmp_path):
+    """Python orders sets of strings anew in each process, and the parts are named after the question."""
+    table = impacts(50, columns=("beta_cm", "beta", "v_n", "e_n")).assign(spin_x=np.nan, spin_y=np.nan)
+    folder = folder_of(tmp_path / "all", table, 2, "parquet")
+    questions = {
+        subprocess.run(
+            [sys.executable, "-c", _QUESTIONS, str(folder)],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    assert len(questions) == 1
+    assert questions != {""}
 
 
 def test_what_was_kept_of_other_files_or_questions_is_not_used(tmp_path):
