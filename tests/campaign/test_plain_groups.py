@@ -91,7 +91,10 @@ def test_an_impact_on_the_transition_sticks(tmp_path):
         own = table[table["run"] == groups[place].key[0]]
         best = fit(own.drop(columns="run"), method="lsq")
         tau = incidence_of(own["gamma_deg"].to_numpy(), np.zeros(len(own)), own["spin_y"].to_numpy()).tau
-        kappa = best.constants["mu"].value * (1.0 + best.constants["e_n"].value)
+        e_n, mu = (best.constants[name].value for name in ("e_n", "mu"))
+        if e_n is None or mu is None:
+            continue
+        kappa = mu * (1.0 + e_n)
         on_transition = np.isclose(bound * tau, kappa, rtol=1e-9, atol=0.0)
         if on_transition.any():
             assert row["n_sticking"] == (bound * tau < kappa * (1.0 + 1e-9)).sum()
