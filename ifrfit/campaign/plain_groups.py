@@ -269,7 +269,8 @@ def _row(
         row |= estimate_columns(name, _estimate(posteriors, k, quantity, domains[name]))
     for i, j in combinations(range(_FREE), 2):
         row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
-    dof = n - _FREE
+    # where every impact sticks kappa takes no degree of freedom
+    dof = n - int(posteriors.is_curved[k, :_FREE].sum())
     chi2 = float(posteriors.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
 
