@@ -52,7 +52,8 @@ _CLEAR = (
 )  # sd from a bound at which nothing is asked of it; the rule asks for less than 2
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 _NARROW = 0.9  # of the sd below which a constant counts as determined
-_RIVAL_WIDTH = 1.25 * 1.96  # sd about the optimum within which a rival needs no second look
+_RIVAL_WIDTH = 1.25 * 1.959964  # sd about the optimum within which a rival needs no second look
+_ROUNDED = 0.999  # of a width that is asked for: what lies nearer to it is for the general code
 _WIDEST = 0.6  # sd of a panel
 _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
 
@@ -274,7 +275,7 @@ class _Curvature:
             return np.asarray((sd < share * enough) & ((distance < share * _RIVAL_WIDTH * sd) | beside))
 
         surely, perhaps = optima.rivals[:, 0], optima.rivals[:, 1]
-        return cls(local(perhaps, _NARROW), ~local(surely, 1.0 / _NARROW), np.isfinite(sd))
+        return cls(local(perhaps, _ROUNDED), ~local(surely, 1.0 / _ROUNDED), np.isfinite(sd))
 
 
 def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:
