@@ -21,7 +21,8 @@ Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
-_RIVALS = (3.84 - 1e-6, 4.0)  # of chi2 above the best within which another optimum counts: surely, and perhaps
+# of chi2 above the best within which another optimum counts: surely, and perhaps
+_RIVALS = (3.84 - 1e-6, 4.0)
 _SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, and what is one of them
 
 
