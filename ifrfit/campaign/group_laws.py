@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
+
+from ifrfit.campaign.group_values import total
+from ifrfit.campaign.of_groups import OfGroups
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -25,15 +28,11 @@ _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
 _E_SPAN = 6.5  # sd of e_n on either side
 _STEPS = 20
 _CLOSE = 1e-5  # error of a probability from which one more step leaves no more than its square
+_SMALL = 1e-11  # mass of a node over the largest
 _RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
-def total(values: Array) -> Array:
-    """Sum of each group one value after the other: zeros, where other groups are longer, change no bit."""
-    return np.asarray(np.cumsum(values.reshape(values.shape[0], -1), axis=1)[:, -1])
-
-
-class GroupLaw(ABC):
+class GroupLaw(OfGroups, ABC):
     """The law of one quantity in each of many groups; the fields are arrays, (groups, ...)."""
 
     mean: Array
@@ -48,34 +47,28 @@ class GroupLaw(ABC):
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""
 
-    def of(self, groups: Index) -> Self:
-        """The laws of some groups."""
-
-        def of_groups(value: Any) -> Any:
-            if isinstance(value, GroupLaw):
-                return value.of(groups)
-            return value[groups] if isinstance(value, np.ndarray) else value
-
-        every = {each.name: of_groups(getattr(self, each.name)) for each in fields(self)}  # type: ignore[arg-type]
-        return replace(self, **every)  # type: ignore[type-var]
-
     def quantiles(self, levels: Array) -> Array:
         """Quantiles, (groups, n); nan where Newton's method does not settle."""
         low, high = (np.repeat(end[:, None], levels.size, axis=1) for end in self.ends)
         x = np.clip(self.mean[:, None] + self.sd[:, None] * ndtri(levels), low, high)
-        settled = np.zeros(x.shape, dtype=bool)
+        found = np.full_like(x, np.nan)
+        pending, law = np.arange(x.shape[0]), self
         for _ in range(_STEPS):
-            share, density = self.below(x)
+            share, density = law.below(x)
             miss = share - levels
             low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
             with np.errstate(divide="ignore", invalid="ignore"):  # a step without end is not taken
                 step = x - miss / density
             step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-            x = np.where(settled, x, step)  # what is there stays, whatever others need
-            settled |= np.abs(miss) < _CLOSE
-            if not (np.abs(miss) >= _CLOSE).any():  # nan is nobody's
+            is_close = np.abs(miss) < _CLOSE
+            # what is there stays, whatever other levels need
+            found[pending] = np.where(is_close & np.isnan(found[pending]), step, found[pending])
+            left = np.flatnonzero((~is_close & ~np.isnan(miss)).any(axis=1))
+            if not left.size:
                 break
-        return np.where(settled, x, np.nan)
+            pending, law = pending[left], law.of_groups(left)
+            x, low, high = step[left], low[left], high[left]
+        return found
 
 
 @dataclass(frozen=True)
@@ -194,6 +187,16 @@ class ConstantLaw(GroupLaw):
         density = np.cumsum(height * np.exp(-0.5 * z * z) / width, axis=2)[:, :, -1]
         outside = (x < self.low[:, None]) | (x > self.high[:, None])
         return share, np.where(outside, 0.0, density / math.sqrt(2.0 * math.pi))
+
+    def without_small_ones(self) -> ConstantLaw:
+        """The same less nodes that stand for next to nothing, those that are left first."""
+        masses = self.node_masses
+        small = masses <= _SMALL * masses.max(axis=1, keepdims=True)
+        most = int((~small).sum(axis=1).max(initial=1))
+        order = np.argsort(small, axis=1, kind="stable")[:, :most]
+        arrays = (self.middle, self.width, np.where(small, 0.0, self.height), self.under)
+        middle, width, height, under = (np.take_along_axis(each, order, axis=1) for each in arrays)
+        return replace(self, middle=middle, width=width, height=height, under=under)
 
     @property
     def node_masses(self) -> Array:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.group_values import Restitution
 from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets
 from ifrfit.inference.profile.objective import limit
 
@@ -26,24 +26,6 @@ _EXACT = 1e-9  # relative error of a crossing
 _FAR = 100.0  # rise that stands for all larger ones
 
 Rise = Callable[[Array, Index], Array]  # of values in groups, (n,) each
-
-
-class RestitutionMisfit(NamedTuple):
-    """What the measured e_n of groups say: mean and sd, (groups,) each, and the domain."""
-
-    mean: Array
-    sd: Array
-    low: float
-    high: float
-
-    @property
-    def best(self) -> Array:
-        """The best e_n in the domain."""
-        return np.clip(self.mean, self.low, self.high)
-
-    def of_groups(self, groups: Index) -> RestitutionMisfit:
-        """That of some groups."""
-        return self._replace(mean=self.mean[groups], sd=self.sd[groups])
 
 
 @dataclass(frozen=True)
@@ -62,7 +44,7 @@ class GroupProfiles:
         Where it is.
     own : (float, float)
         Domain of the closure constant.
-    e_n : RestitutionMisfit
+    e_n : Restitution
     """
 
     low: Array
@@ -72,20 +54,14 @@ class GroupProfiles:
     kappas: Array
     constants: Array
     own: tuple[float, float]
-    e_n: RestitutionMisfit
+    e_n: Restitution
 
     @classmethod
     def of(
-        cls,
-        sets: StickingSets,
-        optima: GroupOptima,
-        own: tuple[float, float],
-        e_n: RestitutionMisfit,
-        groups: Index,
+        cls, sets: StickingSets, optima: GroupOptima, own: tuple[float, float], e_n: Restitution
     ) -> GroupProfiles:
-        """Of some groups, from the sets of all and the least chi2 of each."""
-        sets, e_n = sets.of_groups(groups), e_n.of_groups(groups)
-        best, least, places = optima.chi2[groups, None], optima.least[groups], optima.places[groups]
+        """From the sets of each group and the least chi2 of each."""
+        best, least, places = optima.chi2[:, None], optima.least, optima.places
         rise = least - best
         most = int((rise <= max(LIMITS)).sum(axis=1).max(initial=1))
         nearest = np.sort(np.argsort(rise, axis=1, kind="stable")[:, :most], axis=1)
@@ -93,7 +69,7 @@ class GroupProfiles:
         def near(values: Array) -> Array:
             return np.take_along_axis(values, nearest, axis=1)
 
-        forms = np.stack([near(form) for form in sets.forms])
+        forms = np.stack([near(form) for form in sets.coefficients])
         forms[0] -= best
         kappas, constants = near(places), near(sets.constant(places, own))
         walls = near(sets.walls[:, :-1]), near(sets.walls[:, 1:])
@@ -140,16 +116,16 @@ class GroupProfiles:
             c = -(f1 + f4 * mu * (1.0 + e_n)) / (2.0 * f3)
             end = np.clip(c, *self.own)  # the least in the domain lies at this end
             e_n = np.where(end == c, e_n, best(f2 + f4 * end, f5))
-            first = np.where(low > 0.0, np.maximum(low / mu - 1.0, self.e_n.low), self.e_n.low)
-            last = np.minimum(high / mu - 1.0, self.e_n.high)
+            first = np.where(low > 0.0, np.maximum(low / mu - 1.0, self.e_n.domain[0]), self.e_n.domain[0])
+            last = np.minimum(high / mu - 1.0, self.e_n.domain[1])
             e_n = np.clip(e_n, first, last)
             value = self._at(mu * (1.0 + e_n), groups) + weight * (e_n - mean) ** 2
             return self._least(np.where(first <= last, value, np.inf), groups) - base[groups]
 
-        base = ((self.e_n.best - self.e_n.mean) / self.e_n.sd) ** 2
+        base = self.e_n.chi2 - self.e_n.square
         places = self.kappas / (1.0 + self.e_n.best[:, None])
         lower, upper = self._ends
-        ends = lower / (1.0 + self.e_n.high), upper / (1.0 + self.e_n.low)
+        ends = lower / (1.0 + self.e_n.domain[1]), upper / (1.0 + self.e_n.domain[0])
         return self._between(rise, places, *ends, has_end=False)
 
     @property

@@ -23,8 +23,8 @@ from ifrfit.campaign.group_laws import (
     GroupLaw,
     KappaLaw,
     RestitutionLaw,
-    total,
 )
+from ifrfit.campaign.group_values import total
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,12 @@ def laws_up_to(
     weight = left.reshape(shape[0], -1) / scale[:, None]
     of_own = own.weighted(weight)
     mu = _CutFriction(kappa, 1.0 + e_n.nodes, e_n.mass / scale[:, None], mu_mean, mu_sd, most)
-    laws = (_CutRestitution(e_n, kappa, most, scale, e_mean, e_sd), of_own, mu, of_kappa)
+    laws = (
+        _CutRestitution(e_n, kappa, most, scale, e_mean, e_sd),
+        of_own.without_small_ones(),
+        mu,
+        of_kappa,
+    )
 
     centred = own.node_means - of_own.mean[:, None] * own.node_masses
     centred = centred.reshape(shape) / scale[:, None, None]

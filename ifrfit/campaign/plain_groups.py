@@ -26,8 +26,13 @@ from ifrfit.campaign.group_fit import (
     fit_group,
 )
 from ifrfit.campaign.group_profiles import LIMITS
-from ifrfit.campaign.sticking_sets import Tangential
-from ifrfit.campaign.transition_integral import INTEGRATIONS, GroupPosteriors, GroupValues, group_posteriors
+from ifrfit.campaign.group_values import Restitution, Tangential
+from ifrfit.campaign.transition_integral import (
+    INTEGRATIONS,
+    GroupLikelihoods,
+    GroupPosteriors,
+    group_posteriors,
+)
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
@@ -146,21 +151,23 @@ def _rows(
     batch, usable = stream.impacts_of(layout, np.zeros(len(layout.cells), dtype=np.intp), Tally())
     own = np.repeat(np.arange(len(alike)), [len(table) for table in tables])
     clean = np.bincount(own, ~usable, minlength=len(alike)) == 0
-    values = _Values.of(batch, own, len(alike), oblique, inertia)
     domains = _domains(model, inertia)
+    ends = domains["e_n"].lower, domains["e_n"].upper
+    values = _Values.of(batch, own, len(alike), oblique, inertia, ends)
+    likelihoods = GroupLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
     pending = clean & values.ordinary & (values.oblique >= _FEW)
     found: dict[int, Row] = {}
     for how in INTEGRATIONS:
-        left = np.flatnonzero(pending)
+        left = np.flatnonzero(pending & how.suits(likelihoods))
         if not left.size:
-            break
-        posteriors = group_posteriors(values.measured.of(left), law, tuple(domains.values()), how)
+            continue
+        posteriors = group_posteriors(likelihoods.of_groups(left), how)
         for k in np.flatnonzero(posteriors.resolved).tolist():
             place = int(left[k])
             counts = int(values.oblique[place]), int(values.n[place])
             group = groups[alike[place]]
             found[alike[place]] = _row(group, conventions, domains, posteriors, k, counts)
-        pending[left[posteriors.resolved]] = False
+        pending[left] = False
     return found
 
 
@@ -206,13 +213,17 @@ def _oblique(layout: Layout, stream: ImpactStream) -> str | None:
 class _Values:
     """The measured values of each group, how many are tangential and how many there are, and what is odd."""
 
-    measured: GroupValues
+    tangential: Tangential
+    e_n: Restitution
     oblique: Index
     n: Index
     ordinary: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, batch: Batch, own: Index, groups: int, name: str, inertia: float) -> _Values:
+    def of(
+        cls, batch: Batch, own: Index, groups: int, name: str, inertia: float, domain: tuple[float, float]
+    ) -> _Values:
+        """Of the groups; `domain` of e_n."""
         linear = OBSERVABLES[name].linear
         assert linear is not None
         at, value, sigma = batch.values[name]
@@ -229,7 +240,9 @@ class _Values:
         normal = _padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
         oblique = np.bincount(own[at], minlength=groups)
         n = oblique + np.bincount(own[at_e], minlength=groups)
-        return cls(GroupValues(Tangential(*padded), *normal), oblique, n, ordinary)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            measured = Restitution.of(normal[0], normal[1], domain)
+        return cls(Tangential(*padded), measured, oblique, n, ordinary)
 
 
 def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[float]) -> list[Array]:
@@ -254,7 +267,8 @@ def _row(
 ) -> Row:
     """The row of a resolved group, the k-th of the posteriors; counts of tangential values, and of all."""
     oblique, n = counts
-    sliding = int(posteriors.sliding[k])
+    likelihoods = posteriors.likelihoods
+    sliding = int(likelihoods.optima.sliding[k])
     row: Row = {
         "files": ", ".join(group.files),
         "rows": group.rows,
@@ -270,8 +284,8 @@ def _row(
     for i, j in combinations(range(_FREE), 2):
         row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
     # where every impact sticks kappa takes no degree of freedom
-    dof = n - int(posteriors.is_curved[k, :_FREE].sum())
-    chi2 = float(posteriors.chi2[k])
+    dof = n - int(likelihoods.curvature.is_finite[k, :_FREE].sum())
+    chi2 = float(likelihoods.optima.chi2[k] + likelihoods.e_n.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
 
 
@@ -281,12 +295,13 @@ def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain
         low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
         sd = float(posteriors.sd[k, quantity])
         return Estimate(median, sd, (low68, high68), (low95, high95), "determined")
-    optimum = float(posteriors.optimum[k, quantity])
-    if posteriors.of_profile[k, quantity]:
+    optimum = float(posteriors.likelihoods.optimum[k, quantity])
+    curvature = posteriors.likelihoods.curvature
+    if curvature.is_open[k, quantity]:
         below = dict(zip(LIMITS, posteriors.below[k, quantity].tolist(), strict=True))
         ends = domain.lower, domain.upper
         profile = marginal_of_profile(ends, optimum, math.inf, lambda rise: tuple(below[rise]))
-        found = estimate_of(domain, profile, Known(seen=bool(posteriors.is_curved[k, quantity])))
+        found = estimate_of(domain, profile, Known(seen=bool(curvature.is_finite[k, quantity])))
         if found.value is None:  # what the data leave open would follow the prior
             return found
     marginal = marginal_of(posteriors.laws_of(k), str(quantity), domain)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.group_values import Tangential
+from ifrfit.campaign.of_groups import OfGroups
 from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
 from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
 
@@ -27,30 +29,7 @@ _SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, a
 
 
 @dataclass(frozen=True)
-class Tangential:
-    """Values of each group in the order of tau, (groups, most); the weight of what a group lacks is zero.
-
-    Attributes
-    ----------
-    tau : ndarray
-        Infinite where there is no value.
-    factor : ndarray
-        Impulse factor z = r/s that a value stands for.
-    weight : ndarray
-        s^2/sigma^2.
-    """
-
-    tau: Array
-    factor: Array
-    weight: Array
-
-    def of(self, groups: Index) -> Tangential:
-        """The values of some groups."""
-        return Tangential(self.tau[groups], self.factor[groups], self.weight[groups])
-
-
-@dataclass(frozen=True)
-class StickingSets:
+class StickingSets(OfGroups):
     """The quadratics in (c, kappa) of each set of impacts that may stick: the first k by tau, k = 0, 1, ...
 
     Attributes
@@ -58,7 +37,7 @@ class StickingSets:
     walls : ndarray, (groups, most + 2)
         kappa between the sets, from 0 to infinity.
     count : ndarray of int, (groups,)
-    forms : ndarray, (6, groups, most + 1)
+    forms : ndarray, (groups, 6, most + 1)
         chi2 = f0 + f1 c + f2 kappa + f3 c^2 + f4 c kappa + f5 kappa^2.
     """
 
@@ -78,29 +57,30 @@ class StickingSets:
         below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
         sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
         cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law)[:SIZE], sums, 1)
-        forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk))
+        forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk), axis=1)
         edge = np.zeros((tau.shape[0], 1))
         walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)
         return cls(walls, np.isfinite(tau).sum(axis=1), forms)
 
-    def of_groups(self, groups: Index) -> StickingSets:
-        """Those of some groups."""
-        return StickingSets(self.walls[groups], self.count[groups], self.forms[:, groups])
+    @property
+    def coefficients(self) -> Array:
+        """f0 to f5, (6, groups, most + 1)."""
+        return self.forms.swapaxes(0, 1)
 
     def at(self, kappa: Array, domain: tuple[float, float]) -> Array:
         """Least chi2 over the closure constant in each set, at a kappa for each, (groups, most + 1)."""
-        f0, f1, f2, f3, f4, f5 = self.forms
+        f0, f1, f2, f3, f4, f5 = self.coefficients
         own = self.constant(kappa, domain)
         return np.asarray(f0 + f1 * own + f2 * kappa + f3 * own**2 + f4 * own * kappa + f5 * kappa**2)
 
     def constant(self, kappa: Array, domain: tuple[float, float]) -> Array:
         """The closure constant that is best at a kappa for each set, (groups, most + 1)."""
-        _, f1, _, f3, f4, _ = self.forms
+        _, f1, _, f3, f4, _ = self.coefficients
         return np.asarray(np.clip(-(f1 + f4 * kappa) / (2.0 * f3), *domain))
 
     def minima(self, domain: tuple[float, float]) -> GroupOptima:
         """The least chi2 of each set, with the closure constant in its domain, and the least of all."""
-        f0, f1, f2, f3, f4, f5 = self.forms
+        f0, f1, f2, f3, f4, f5 = self.coefficients
         low, high = self.walls[:, :-1], self.walls[:, 1:]
         there = np.arange(low.shape[1]) <= self.count[:, None]
         det = 4.0 * f3 * f5 - f4 * f4
@@ -121,7 +101,7 @@ class StickingSets:
 
 
 @dataclass(frozen=True)
-class GroupOptima:
+class GroupOptima(OfGroups):
     """The best of all sets of each group, and the least of each set.
 
     Attributes
@@ -134,9 +114,9 @@ class GroupOptima:
         By the curvature there, before anything is cut; infinite where the data leave it open.
     beyond : ndarray, (groups,)
         How far the constant, were it free, would lie outside its domain there, in sd given kappa.
-    rivals : ndarray, (2, 2, groups)
-        How far kappa, and the closure constant, of the outermost sets lie from it that describe the data
-        nearly as well: at least, and at most. Infinite for kappa where that is so of the set in which every
+    rivals : ndarray, (groups, 2, 2)
+        How far, at least and at most, kappa and the closure constant of the outermost sets lie from it that
+        describe the data nearly as well. Infinite for kappa where that is so of the set in which every
         impact sticks.
     is_unique : ndarray of bool, (groups,)
         Whether no other optimum is as good.
@@ -165,7 +145,7 @@ class GroupOptima:
         kappa, own = places[groups, best], constants[groups, best]
         # what is on the transition itself sticks
         sticking = (sets.walls[:, 1:-1] <= kappa[:, None] * (1.0 + ROUNDING)).sum(axis=1)
-        f1, _, f3, f4, f5 = sets.forms[1:, groups, sticking]
+        f1, _, f3, f4, f5 = sets.coefficients[1:, groups, sticking]
         free = -(f1 + f4 * kappa) / (2.0 * f3)
         det = f3 * f5 - 0.25 * f4**2
         seen = det > _SINGULAR * f3 * f5
@@ -192,7 +172,7 @@ class GroupOptima:
             kappa_variance=np.where(seen, f3 / det, np.inf),
             constant_variance=np.where(seen, f5 / det, np.where(every_sticks, 1.0 / f3, np.inf)),
             beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
-            rivals=np.stack([distances(most) for most in _RIVALS], axis=1),
+            rivals=np.stack([distances(most).T for most in _RIVALS], axis=1),
             is_unique=(same[1] < _ONE_PLACE) & (every_sticks | (same[0] < _ONE_PLACE)),
             least=least,
             places=places,
