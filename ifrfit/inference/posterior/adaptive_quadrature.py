@@ -39,6 +39,7 @@ _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 # that it may then take: one that takes more leaves no room for a second
 _ROUGH, _OF_A_ROUGH_GRID = 0.2, 0.6
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
+_RISE = 30.0  # of minus twice the log likelihood, up to which modes must lie within that domain
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
 
@@ -160,7 +161,10 @@ def _refined(
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
         refinement = Refinement(layout, tolerance, over, most_work, has_marginals=has_marginals)
-        if refinement.leaves_out([one.value(start.optimum.theta) for one in problem.parameters.kappas]):
+        modes = [start.optimum.theta, *(theta for _, theta in start.optimum.minima)]
+        modes += [theta for rise, theta in start.rivals if rise <= _RISE]
+        kappas = problem.parameters.kappas
+        if any(refinement.leaves_out([one.value(theta) for one in kappas]) for theta in modes):
             continue
         refinement.run()
         most_work = refinement.work_left
@@ -261,7 +265,7 @@ class Refinement:
         )
 
     def leaves_out(self, kappas: Sequence[float]) -> bool:
-        """Whether one of these, of the certified optimum, lies beyond the end of a separated domain.
+        """Whether one of these, of a mode that is known, lies beyond the end of a separated domain.
 
         The density inside may have fallen to nothing before that end, about another mode.
         """
