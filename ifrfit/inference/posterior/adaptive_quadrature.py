@@ -6,7 +6,7 @@ Eq. (7) of ``docs/theory/posterior.md`` is the error estimate that every refinem
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -39,6 +39,7 @@ _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 # that it may then take: one that takes more leaves no room for a second
 _ROUGH, _OF_A_ROUGH_GRID = 0.2, 0.6
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
+_RISE = 30.0  # of minus twice the log likelihood, up to which modes must lie within that domain
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
 
@@ -160,6 +161,11 @@ def _refined(
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
         refinement = Refinement(layout, tolerance, over, most_work, has_marginals=has_marginals)
+        modes = [start.optimum.theta, *(theta for _, theta in start.optimum.minima)]
+        modes += [theta for rise, theta in start.rivals if rise <= _RISE]
+        kappas = problem.parameters.kappas
+        if any(refinement.leaves_out([one.value(theta) for one in kappas]) for theta in modes):
+            continue
         refinement.run()
         most_work = refinement.work_left
         if not refinement.kappa_reaches_end():
@@ -253,17 +259,29 @@ class Refinement:
 
     def _has_mass_at_end(self) -> bool:
         kappas = self.marginals or kappa_marginals(self.layout, self.density)  # `log_evidence` asks for none
-        for block, name in enumerate(self.layout.kappa_names):
+        return any(
+            kappas[name].mass_above(end) > _NO_MASS
+            for name, end in zip(self.layout.kappa_names, self._ends_of_kappa(), strict=True)
+        )
+
+    def leaves_out(self, kappas: Sequence[float]) -> bool:
+        """Whether one of these, of a mode that is known, lies beyond the end of a separated domain.
+
+        The density inside may have fallen to nothing before that end, about another mode.
+        """
+        ends = self._ends_of_kappa() if self.layout.separable else ()
+        return any(kappa > end for kappa, end in zip(kappas, ends, strict=False))
+
+    def _ends_of_kappa(self) -> list[float]:
+        """Where the end of each block's separated domain of kappa begins; infinite where it is given."""
+        found = []
+        for block in range(len(self.layout.kappa_names)):
             domain = self._integral.series[block].mu
             shared = self._integral.number_of("mu")
             if shared is not None:
                 domain = self._integral.shared[shared].parameter
-            if (
-                isinstance(domain, FreeParameter)
-                and kappas[name].mass_above(_NEAR_END * domain.upper) > _NO_MASS
-            ):
-                return True
-        return False
+            found.append(_NEAR_END * domain.upper if isinstance(domain, FreeParameter) else math.inf)
+        return found
 
     def lay_first_grid(self) -> None:
         """Drop panels without mass, and see whether there is room for the rest.

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,14 @@ _OUTSIDE = 16.0  # of chi2 by which the optimum without bounds may lie below the
 _FREE_OF_BOUNDS = 9.0  # sd between c and its bounds from which nothing is cut off
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _PER_ROOT_2PI = 1.0 / math.sqrt(2.0 * math.pi)
+
+
+class Region(NamedTuple):
+    """Ends of kappa between which all but a negligible mass is, and how sharp it is there, as an sd."""
+
+    low: float
+    high: float
+    sd: float
 
 
 @dataclass(frozen=True)
@@ -100,41 +109,86 @@ class SlidingCells:
         noise = question.noises[0][1] if question.noises else None
         return cls(walls, g, np.array((c + m0, m1)), 1.0 / math.sqrt(f3), f5, best, kappa, noise)
 
-    def region(self, highest: float, lost: float) -> tuple[float, float, float] | None:
-        """Ends of kappa between which all but exp(-lost) is, and how sharp it is there, as an sd.
+    def region(self, c: FreeParameter, highest: float, furthest: float, lost: float) -> Region | None:
+        """Where kappa is, up to the furthest one; None where the bounds of c are far from what the rows say.
 
-        None where it reaches the end of the domain, or the bounds of c are far from what the rows say.
+        Parameters
+        ----------
+        c : FreeParameter
+            The closure constant, with its bounds.
+        highest : float
+            What its domain is compared with: the wider, the less density may be left out.
+        furthest : float
+            End of the domain.
+        lost : float
+            All but exp(-lost) is to be between the ends.
         """
-        g0, g1, g2 = self.g
-        low, high = self.walls[:-1] - self.reference, self.walls[1:] - self.reference
+        inside = int(self.walls[1:-1].searchsorted(furthest)) + 1
+        g0, g1, g2 = self.g[:, :inside]
+        low = self.walls[:inside] - self.reference
+        high = np.minimum(self.walls[1 : inside + 1], furthest) - self.reference
         curved = g2 > 0.0
         vertex = np.where(curved, -0.5 * g1 / np.where(curved, g2, 1.0), low)
         vertex = np.minimum(np.maximum(vertex, low), high)
-        least = g0 + (g1 + g2 * vertex) * vertex
-        lowest = float(least.min())
-        variance = 1.0 if self.noise is None else lowest / self.dof
-        if not variance > 0.0 or self.best - lowest > _OUTSIDE * variance:
+        bare = least = g0 + (g1 + g2 * vertex) * vertex
+        if least[-1] < self._edge(4.0 * lost):  # all may slide as well as all stick, but for the bounds of c
+            least = bare + self._outside(c, low, high)
+        best_cell = int(least.argmin())
+        variance = 1.0 if self.noise is None else float(least[best_cell]) / self.dof
+        lowest, above = float(bare[best_cell]), float(least[best_cell]) - self.best
+        if not variance > 0.0 or max(self.best - lowest, above) > _OUTSIDE * variance:
             return None
-        sharpest = float(self.bend[least < self.best + _NEAR * variance].max())
+        sharpest = float(self.bend[:inside][least < self.best + _NEAR * variance].max())
         if not sharpest > 0.0:
             return None
         sd = math.sqrt(variance / sharpest)
-        rise = 2.0 * (lost + 3.0 * math.log1p(highest / sd))
-        edge = self.best + rise if self.noise is None else self.best * math.exp(rise / self.dof)
+        edge = self._edge(2.0 * (lost + 3.0 * math.log1p(highest / sd)))
         holds = np.flatnonzero(least < edge)
         first, last = int(holds[0]), int(holds[-1])
-        if last == least.size - 1:
-            return None  # nothing need slide
-        ends = []
-        for cell, side in ((first, -1.0), (last, 1.0)):
-            a, b, c = float(g2[cell]), float(g1[cell]), float(g0[cell]) - edge
-            if a > 0.0:
-                end = (-b + side * math.sqrt(max(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
-            else:
-                end = side * math.inf
-            ends.append(min(max(end, float(low[cell])), float(high[cell])) + self.reference)
-        # the mass below 1e-12 of eq. (8) lies further out than these ends
-        return (ends[0], ends[1], sd) if ends[1] < highest else None
+        ends = [
+            min(max(self._end(cell, side, edge, float(bare[cell]), c), float(low[cell])), float(high[cell]))
+            for cell, side in ((first, -1.0), (last, 1.0))
+        ]
+        return Region(ends[0] + self.reference, ends[1] + self.reference, sd)
+
+    def _edge(self, rise: float) -> float:
+        """Sum of squares at which twice the log density has fallen so far from that of the optimum."""
+        return self.best + rise if self.noise is None else self.best * math.exp(rise / self.dof)
+
+    def _outside(self, c: FreeParameter, low: Array, high: Array) -> Array:
+        """What the bounds of c add at least to the sum of squares between ends of each cell."""
+        m0, m1 = self.middle[:, : low.size]
+        one, other = m0 + m1 * low, m0 + m1 * high
+        beyond = np.maximum(c.lower - np.maximum(one, other), np.minimum(one, other) - c.upper)
+        return np.asarray((np.maximum(beyond, 0.0) / self.width) ** 2)
+
+    def _end(self, cell: int, side: float, edge: float, least: float, c: FreeParameter) -> float:
+        """Where a cell's sum of squares has risen to an edge, on a side, or c gone far beyond its bounds."""
+        g0, g1, g2 = self.g[:, cell].tolist()
+        m0, m1 = self.middle[:, cell].tolist()
+        end = side * math.inf
+        if g2 > 0.0:
+            end = (-g1 + side * math.sqrt(max(g1 * g1 - 4.0 * g2 * (g0 - edge), 0.0))) / (2.0 * g2)
+        if m1 != 0.0:
+            room = self.width * math.sqrt(max(edge - least, 0.0))
+            limit = ((c.upper + room if side * m1 > 0.0 else c.lower - room) - m0) / m1
+            end = side * min(side * end, side * limit)
+        return end
+
+    def edges(self, region: Region, width: float) -> tuple[Array, Array] | None:
+        """Walls inside a region, and even panels of a width in its sd; None for very many."""
+        low, high, sd = region
+        count = math.ceil((high - low) / (width * sd))
+        return (
+            None
+            if count > MOST_PANELS
+            else (self.walls_between(low, high), np.linspace(low, high, count + 1))
+        )
+
+    def walls_between(self, low: float, high: float) -> Array:
+        """Walls of kappa between two others."""
+        walls = self.walls[1:-1]
+        return walls[(walls > low) & (walls < high)]
 
 
 @dataclass(frozen=True)
@@ -151,6 +205,8 @@ class KappaIntegral:
         Probability of each node.
     height : ndarray, (2, nodes)
         The same over what the normal law holds between the bounds.
+    density : ndarray, (2, nodes)
+        Of kappa.
     law : PanelCdf
         Of kappa.
     log_mass : ndarray, (2,)
@@ -172,6 +228,7 @@ class KappaIntegral:
     width: Array
     share: Array
     height: Array
+    density: Array
     law: PanelCdf
     log_mass: Array
     cut: tuple[Array, Array] | None
@@ -184,20 +241,16 @@ class KappaIntegral:
     def of(
         cls,
         cells: SlidingCells,
-        region: tuple[float, float, float],
+        edges: tuple[Array, Array],
         c: FreeParameter,
-        width: float,
         tolerance: float,
     ) -> KappaIntegral | None:
-        """None where it would take very many panels."""
-        low, high, sd = region
-        count = math.ceil((high - low) / (width * sd))
-        kinks = cells.walls[1:-1]
-        kinks = kinks[(kinks > low) & (kinks < high)]
-        if count + kinks.size > MOST_PANELS:
+        """On panels between edges, of which the first ones are walls; None where there are very many."""
+        kinks, others = edges
+        if others.size + kinks.size > MOST_PANELS + 1:
             return None
-        order = _LOW_ORDER if kinks.size > count else _ORDER
-        axis = QuadratureAxis.of(np.concatenate((kinks, np.linspace(low, high, count + 1))), order)
+        order = _LOW_ORDER if kinks.size >= others.size else _ORDER
+        axis = QuadratureAxis.of(np.concatenate(edges), order)
         inside = 0.5 * (axis.panels[:, 0] + axis.panels[:, 1])
         cell = cells.walls[1:-1].searchsorted(inside)
         nodes = axis.nodes().reshape(axis.shape)
@@ -229,7 +282,8 @@ class KappaIntegral:
         if not mass.min() > 0.0:
             return None
         weights /= mass[:, None]
-        law = PanelCdf.of_levels(axis, per / mass[:, None])
+        density = per / mass[:, None]
+        law = PanelCdf.of_levels(axis, density)
         share, height = weights * per, weights * bare.reshape(-1)
         beyond = 0.0 if tails is None else float(share[0] @ tails)
         return cls(
@@ -238,6 +292,7 @@ class KappaIntegral:
             spread.reshape(-1),
             share,
             height,
+            density,
             law,
             np.log(mass) + log_scale,
             cut,
@@ -245,6 +300,23 @@ class KappaIntegral:
             square.reshape(-1),
             beyond,
             np.flatnonzero(share[0] > NO_SHARE * tolerance),
+        )
+
+    def times(self, weight: Array, tolerance: float) -> KappaIntegral:
+        """The law with a weight at each node, (2, nodes), up to a constant; `log_mass` has its logarithm."""
+        share = self.share * weight
+        kept = share.sum(axis=1)
+        weight = weight / kept[:, None]
+        share, density = share / kept[:, None], self.density * weight
+        return replace(
+            self,
+            share=share,
+            height=self.height * weight,
+            density=density,
+            law=PanelCdf.of_levels(self.law.axis, density),
+            log_mass=self.log_mass + np.log(kept),
+            beyond=self.beyond / float(kept[0]),
+            counts=np.flatnonzero(share[0] > NO_SHARE * tolerance),
         )
 
     def is_within(self, noises: Sequence[tuple[str, NoiseScale]]) -> bool:
@@ -296,9 +368,12 @@ class KappaIntegral:
         cut = None if self.cut is None else (self.cut[0][at], self.cut[1][at])
         return self.middle[at], self.width[at], self.height[:, at], cut
 
-    def mean_product(self, one: str, other: str) -> float:
-        """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself."""
-        of_c = self.c_mean[0][0] if "c" in (one, other) else self.share[0]
+    def mean_product(self, one: str, other: str, factor: Array | float = 1.0) -> float:
+        """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself.
+
+        And of a factor that is given at the nodes.
+        """
+        of_c = (self.c_mean[0][0] if "c" in (one, other) else self.share[0]) * factor
         if one == other == "kappa":
             return float(of_c @ (self.kappa * self.kappa))
         return float(of_c @ self.kappa) if "kappa" in (one, other) else float(of_c.sum())

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
@@ -237,15 +237,18 @@ class PanelCdf:
 
     @classmethod
     def of_levels(cls, axis: QuadratureAxis, values: Array) -> PanelCdf:
-        """From densities at the nodes, (2, ...): one row by the rules, one by the coarse ones."""
-        return cls._of(axis, values.reshape(2, *axis.shape) @ rule(axis.order).antiderivative.swapaxes(1, 2))
+        """From densities at the nodes, (2, ...): rows by the rules, and as many by the coarse ones."""
+        of_levels, (panels, nodes) = rule(axis.order).antiderivative.swapaxes(1, 2), axis.shape
+        made = values.reshape(2, -1, nodes) @ of_levels  # rows and panels in turn
+        return cls._of(axis, made.reshape(-1, panels, made.shape[-1]))
 
     @classmethod
     def _of(cls, axis: QuadratureAxis, made: Array) -> PanelCdf:
         made *= axis.width[:, None]
         cumulative = np.zeros((made.shape[0], made.shape[1] + 1))
         np.cumsum(made.sum(axis=-1), axis=1, out=cumulative[:, 1:])
-        return cls(replace(axis), made, cumulative)  # its panels as they are: the axis goes on to be refined
+        # its panels as they are: the axis goes on to be refined
+        return cls(QuadratureAxis(axis.panels, axis.order), made, cumulative)
 
     @property
     def total(self) -> Array:
@@ -309,9 +312,10 @@ def quantiles(
     if p.size <= _FEW_VALUES:  # about where a normal law has them, and far out
         z = _normal(p)
         reach = np.concatenate((z - _BRACKET, z + _BRACKET, [-30.0, z.min() - 2.0, z.max() + 2.0, 30.0]))
-    grid = np.unique(np.concatenate(([low], np.clip(mean + sd * reach, low, high), [high])))
+    inside = np.minimum(np.maximum(mean + sd * reach, low), high)
+    grid = np.unique(np.concatenate(([low], inside, [high])))
     table = np.maximum.accumulate(cdf(grid))
-    right = np.clip(np.searchsorted(table, p), 1, grid.size - 1)
+    right = np.minimum(np.maximum(table.searchsorted(p), 1), grid.size - 1)
     a, b = grid[right - 1], grid[right]
     # a normal law is a straight line in this measure of probability, and others are nearly one
     target = _normal(p)
@@ -321,7 +325,7 @@ def quantiles(
     for _ in range(_STEPS):  # regula falsi, where an end that stays twice counts half (Illinois)
         with np.errstate(divide="ignore", invalid="ignore"):
             x = np.where(wb > wa, b - wb * (b - a) / (wb - wa), 0.5 * (a + b))
-        x = np.clip(x, a, b)
+        x = np.minimum(np.maximum(x, a), b)
         reached = cdf(x)
         if float(np.abs(reached - p).max()) <= accuracy or float((b - a).max()) <= 1e-13 * sd:
             break

@@ -23,12 +23,13 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior.adaptive_quadrature import integrate
 from ifrfit.inference.posterior.discrete_law import DiscreteLaw
-from ifrfit.inference.posterior.kappa_integral import KappaIntegral, SlidingCells
+from ifrfit.inference.posterior.friction_bound import FrictionBound
+from ifrfit.inference.posterior.kappa_integral import KappaIntegral, Region, SlidingCells
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, noise_over_squares, whole_error
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.plain_question import NO_SHARE, PlainQuestion
 from ifrfit.inference.posterior.quadrature_posterior import PosteriorByMarginals, QuadraturePosterior
-from ifrfit.inference.posterior.restitution_integral import RestitutionIntegral
+from ifrfit.inference.posterior.restitution_integral import RestitutionIntegral, RestitutionLaw
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -42,6 +43,65 @@ _LOST = 1e-4  # of the tolerance: mass beyond the panels, were kappa's domain no
 _BEYOND = 50.0  # error of a result, in sd, over the probability beyond a bound that was left out
 _LITTLE = 0.3  # relative sd of 1 + e_n over that of kappa, below which few points of e_n are enough
 _LEAST = 1e-300
+
+
+@dataclass(frozen=True)
+class Integrals:
+    """The integrals over kappa and e_n, and what ties them where mass reaches the bound of mu.
+
+    Attributes
+    ----------
+    kappa, e_n : KappaIntegral, RestitutionIntegral
+    bound : FrictionBound or None
+    log_mass : ndarray, (2,)
+        Log of the integral over both by both levels.
+    of_kappa, of_e_n : list of (float, float)
+        Mean and standard deviation by both levels.
+    """
+
+    kappa: KappaIntegral
+    e_n: RestitutionIntegral
+    bound: FrictionBound | None
+    log_mass: Array
+    of_kappa: list[tuple[float, float]]
+    of_e_n: list[tuple[float, float]]
+
+    @classmethod
+    def of(
+        cls, kappa: KappaIntegral, e_n: RestitutionIntegral, bound: FrictionBound | None = None
+    ) -> Integrals:
+        """With the moments of each."""
+        log_mass = kappa.log_mass + e_n.log_mass if bound is None else bound.log_mass
+        moments = _moments(kappa.share, kappa.kappa), _moments(e_n.share, e_n.nodes)
+        return cls(kappa, e_n, bound, log_mass, *moments)
+
+    @property
+    def error_of_mass(self) -> float:
+        """Change of the log from the coarse rules; and from one order of the integrals to the other."""
+        coarse = float(abs(self.log_mass[1] - self.log_mass[0]))
+        return coarse if self.bound is None else max(coarse, self.bound.change_by_order)
+
+    def mean_product(self, of_e_n: Array, one: str, other: str) -> float:
+        """Mean of what is given at the nodes of e_n times two of "one", "kappa" and "c", by the rules."""
+        if self.bound is None:
+            return self.kappa.mean_product(one, other) * self.e_n.mean(of_e_n)
+        return self.kappa.mean_product(one, other, self.bound.given_kappa(of_e_n))
+
+    def mu_moments(self) -> list[tuple[float, float]]:
+        """Mean and standard deviation of mu by both levels, eq. (10) or (26)."""
+        if self.bound is not None:
+            return self.bound.mu_moments
+        inverse = _moments(self.e_n.share, 1.0 / (1.0 + self.e_n.nodes))
+        return [_product(one, other) for one, other in zip(self.of_kappa, inverse, strict=True)]
+
+    def mu_below(self, *, few: bool) -> Cdf:
+        """Distribution function of mu: its bound takes from kappa and e_n what is above it, and no more."""
+        if self.bound is None:
+            return _quotient(self, few=few)
+        free = Integrals.of(self.bound.free_kappa, self.bound.free_e_n)
+        whole = _quotient(free, few=few, has_steps=not free.e_n.likelihood.is_whole)
+        within = whole(np.array([self.bound.highest]), 2)
+        return lambda t, levels: whole(t, levels) / within[:levels]
 
 
 @dataclass(frozen=True)
@@ -76,8 +136,7 @@ class TransitionPosterior(PosteriorByMarginals):
     transition_scale: float
     start: LeastSquaresFit = field(repr=False)
     has_few_points: bool = field(repr=False)
-    _kappa: KappaIntegral = field(repr=False)
-    _e_n: RestitutionIntegral = field(repr=False)
+    _integrals: Integrals = field(repr=False)
 
     @property
     def error_of_moments(self) -> float:
@@ -88,23 +147,22 @@ class TransitionPosterior(PosteriorByMarginals):
         question = PlainQuestion.of(self.problem)
         assert question is not None
         few = self.has_few_points
-        return _marginals(self.problem, question, self._kappa, self._e_n, self.tolerance, few=few)
+        return _marginals(self.problem, question, self._integrals, self.tolerance, few=few)
 
     def covariance(self, names: Sequence[str]) -> Array:
-        """Posterior covariance of free entries of theta and kappa, (n, n); e_n is independent of c."""
+        """Posterior covariance of free entries of theta and kappa, (n, n)."""
         own = [self._parts(name) for name in names]
         found = np.empty((len(own), len(own)))
         for i, (power, factor, first) in enumerate(own):
             for j, (other, second, last) in enumerate(own[: i + 1]):
-                of_kappa = self._kappa.mean_product(factor, second)
-                of_e_n = self._e_n.mean(power * other)
-                found[i, j] = found[j, i] = of_kappa * of_e_n - first * last
+                product = self._integrals.mean_product(power * other, factor, second)
+                found[i, j] = found[j, i] = product - first * last
             found[i, i] = self.sd(names[i]) ** 2
         return found
 
     def _parts(self, name: str) -> tuple[Array, str, float]:
         """A quantity as a factor at the nodes of e_n times one of kappa's integral; and its mean."""
-        e_n = self._e_n.nodes
+        e_n = self._integrals.e_n.nodes
         if name == "e_n":
             return e_n, "one", self.mean(name)
         if name == "mu":
@@ -145,27 +203,32 @@ def transition_posterior(
     if question is None:
         return None
     lost = -math.log(_LOST * tolerance)
+    likelihood = RestitutionLaw.of(question, lost)
+    if likelihood is None:
+        return None
     cells = SlidingCells.of(question, problem, start)
-    region = cells.region(question.highest_kappa, lost)
+    furthest = question.mu.upper * (1.0 + likelihood.high)
+    region = cells.region(question.c, question.highest_kappa, furthest, lost)
     if region is None:
         return None
     widest = _WIDTH * min(tolerance / _AT, 1e3) ** _POWER
     for attempt in range(_HALVINGS):
-        width, few = widest / 2.0**attempt, attempt == 0
-        kappa = KappaIntegral.of(cells, region, question.c, width, tolerance)
-        e_n = RestitutionIntegral.of(question, lost, width, tolerance)
-        if kappa is None or e_n is None or not kappa.is_within(question.noises):
+        few = attempt == 0
+        integrals = _integrals(question, cells, region, likelihood, widest / 2.0**attempt, tolerance)
+        if integrals is None or not integrals.kappa.is_within(question.noises):
             return None
-        marginals = _marginals(problem, question, kappa, e_n, tolerance, few=few)
-        error_evidence = float(abs(kappa.log_mass[1] - kappa.log_mass[0] + e_n.log_mass[1] - e_n.log_mass[0]))
+        beyond = _BEYOND * integrals.kappa.beyond
+        if beyond > tolerance:
+            return None
+        marginals = _marginals(problem, question, integrals, tolerance, few=few)
+        error_evidence = integrals.error_of_mass
         if not error_evidence <= tolerance:
             continue
-        error = max(whole_error(marginals, tolerance), _BEYOND * kappa.beyond)
+        error = max(whole_error(marginals, tolerance), beyond)
         if error <= (_SURE if few else 1.0) * tolerance:
-            log_evidence = float(kappa.log_mass[0] + e_n.log_mass[0]) + question.log_scale
             return TransitionPosterior(
                 problem,
-                log_evidence,
+                float(integrals.log_mass[0]) + question.log_scale,
                 error_evidence,
                 tolerance,
                 marginals,
@@ -173,37 +236,54 @@ def transition_posterior(
                 question.law.b0,
                 start,
                 few,
-                kappa,
-                e_n,
+                integrals,
             )
     return None
+
+
+def _integrals(
+    question: PlainQuestion,
+    cells: SlidingCells,
+    region: Region,
+    likelihood: RestitutionLaw,
+    width: float,
+    tolerance: float,
+) -> Integrals | None:
+    """On panels of a width in sd; None where these are very many, or the bound of mu leaves little."""
+    if region.high >= question.mu.upper * (1.0 + likelihood.low):
+        bounds = question.mu.upper, question.c
+        bound = FrictionBound.of(cells, region, likelihood, bounds, width, tolerance)
+        return None if bound is None else Integrals.of(bound.kappa, bound.e_n, bound)
+    edges = cells.edges(region, width)
+    kappa = None if edges is None else KappaIntegral.of(cells, edges, question.c, tolerance)
+    e_n = RestitutionIntegral.of(likelihood, width, tolerance)
+    return None if kappa is None or e_n is None else Integrals.of(kappa, e_n)
 
 
 def _marginals(
     problem: Problem,
     question: PlainQuestion,
-    kappa: KappaIntegral,
-    e_n: RestitutionIntegral,
+    integrals: Integrals,
     tolerance: float,
     *,
     few: bool,
 ) -> dict[str, Marginal]:
     """Of the free entries of theta in their order, and of kappa."""
-    of_kappa, of_e_n = _moments(kappa.share, kappa.kappa), _moments(e_n.share, e_n.nodes)
-    inverse = _moments(e_n.share, 1.0 / (1.0 + e_n.nodes))
-    of_mu = [_product(one, other) for one, other in zip(of_kappa, inverse, strict=True)]
-    of_c = kappa.c_moments()
+    kappa, e_n = integrals.kappa, integrals.e_n
+    of_kappa, of_e_n = integrals.of_kappa, integrals.of_e_n
+    of_mu, of_c = integrals.mu_moments(), kappa.c_moments()
     every = {
         "e_n": (question.e_n, of_e_n, e_n.law.below_in_all),
         question.c.name: (question.c, of_c, kappa.c_below),
-        "mu": (question.mu, of_mu, _quotient(kappa, e_n, of_kappa[0], of_e_n[0], few=few)),
+        "mu": (question.mu, of_mu, integrals.mu_below(few=few)),
     }
     found = {}
     for name in problem.parameters.free_names:
         one, moments, below = every[name]
         found[name] = Marginal(name, one.lower, one.upper, moments.__getitem__, below)
     name, below = problem.parameters.kappas[0].name, kappa.law.below_in_all
-    found[name] = Marginal(name, 0.0, question.highest_kappa, of_kappa.__getitem__, below)
+    highest = max(question.highest_kappa, float(kappa.kappa[-1]))
+    found[name] = Marginal(name, 0.0, highest, of_kappa.__getitem__, below)
     if question.noises:
         (first, own), (second, other) = question.noises
         # with c integrated out, sigma knows a sum of squares of one row less
@@ -214,17 +294,14 @@ def _marginals(
     return found
 
 
-def _quotient(
-    kappa: KappaIntegral,
-    e_n: RestitutionIntegral,
-    of_kappa: tuple[float, float],
-    of_e_n: tuple[float, float],
-    *,
-    few: bool,
-) -> Cdf:
-    """Distribution function of mu, eq. (10): the mean over the narrower one of kappa and 1 + e_n."""
+def _quotient(free: Integrals, *, few: bool, has_steps: bool = False) -> Cdf:
+    """Distribution function of mu, eq. (10): the mean over the narrower one of kappa and 1 + e_n.
+
+    Over e_n where that of e_n has steps: kappa's is smooth between walls.
+    """
+    kappa, e_n, of_kappa, of_e_n = free.kappa, free.e_n, free.of_kappa[0], free.of_e_n[0]
     ratio = of_e_n[1] / (1.0 + of_e_n[0]) * of_kappa[0] / of_kappa[1]
-    if ratio > 1.0:
+    if ratio > 1.0 and not has_steps:
         values, shares_of_kappa = kappa.kappa[kappa.counts], kappa.share[:, kappa.counts]
 
         def by_kappa(t: Array, levels: int) -> Array:

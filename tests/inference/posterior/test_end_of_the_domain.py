@@ -10,7 +10,8 @@ from factories import rest_long
 from posterior_dense import observe, tau_of
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.posterior import integrate
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.posterior import integrate, log_evidence
 
 FAN = (6.0, 11.0, 16.0, 21.0, 26.0, 33.0, 41.0, 52.0, 63.0, 75.0)
 N_E, N_MU = 1000, 1001
@@ -110,3 +111,16 @@ def test_the_last_end_of_a_shared_mu() -> None:
     assert post.mean("mu") > 1.9999
     for series, given in zip("ABC", alone, strict=True):
         assert post.mean(f"e_n[{series}]") == pytest.approx(given.mean("e_n"), abs=0.1 * given.sd("e_n"))
+
+
+def test_a_mode_below_the_kappa_that_every_e_n_allows_is_not_taken_for_the_best() -> None:
+    """Separated from e_n, kappa ends at 0.147, with nothing near to that end: the certified one is 0.29."""
+    gamma = tuple(np.linspace(20.0, 60.0, 12).tolist())
+    rows = measured("beta", gamma, seed=5, sigma=0.02, mu=0.147, e_n=0.99, c=-0.98)
+    problem = Question((*rows, Row("e_n", 5.0, 0.99, 0.01)), bounds={"mu": (0.0, 0.147)}).problem()
+    start = least_squares(problem)
+    post = integrate(problem, 1e-4, start)
+    mu = dict(zip(problem.parameters.names, start.optimum.theta.tolist(), strict=True))["mu"]
+    assert abs(post.mean("mu") - mu) < 5.0 * post.sd("mu")  # it was 124 of them, log evidence 425 lower
+    assert post.mean("kappa") > 0.28
+    assert log_evidence(problem, 1e-4, start) == pytest.approx(post.log_evidence, abs=2e-4)

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from posterior_agreement import furthest_from_general
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.prior_specification import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -52,53 +52,23 @@ def question(seed: int, noise: str = "known", **options: object) -> Problem:
     return make_problem(observations, closure, j, make_parameters(closure, j, **options), noise)  # type: ignore[arg-type]
 
 
-def furthest(problem: Problem, tolerance: float) -> float | None:
-    """Largest difference from the general integral, in sd; None where the question is left to that."""
-    start = least_squares(problem)
-    found = transition_posterior(problem, tolerance, start)
-    if found is None:
-        return None
-    assert found.converged
-    assert found.error <= tolerance
-    general = integrate(problem, 1e-2 * tolerance, start)
-    assert general.converged
-    assert found.names == general.names
-    apart = [abs(found.log_evidence - general.log_evidence)]
-    for name in found.names:
-        mean, sd = general.mean(name), general.sd(name)
-        near = mean + sd * np.linspace(-4.0, 4.0, 9)
-        apart += [
-            abs(found.mean(name) - mean) / sd,
-            abs(found.sd(name) / sd - 1.0),
-            float(np.abs(found.quantile(name, LEVELS) - general.quantile(name, LEVELS)).max()) / sd,
-            float(np.abs(found.cdf(name, near) - general.cdf(name, near)).max()),
-        ]
-    constants = found.names[:3]
-    scale = [general.sd(name) for name in constants]
-    between = found.covariance(constants) - general.covariance(constants)
-    apart.append(float((np.abs(between) / np.outer(scale, scale)).max()))
-    ends = np.array([one.quantile("transition_tau[run]", LEVELS) for one in (found, general)])
-    per_tau = problem.inertia_factor / general.sd("kappa")  # tau is kappa/J
-    return max(*apart, float(np.abs(ends[0] - ends[1]).max()) * per_tau)
-
-
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
 def test_it_is_the_general_integral_within_the_tolerance_that_it_states(tolerance):
-    found = [furthest(question(seed), tolerance) for seed in SEEDS]
+    found = [furthest_from_general(question(seed), tolerance) for seed in SEEDS]
     settled = [each for each in found if each is not None]
     assert len(settled) >= len(SEEDS) // 2
     assert max(settled) <= tolerance
 
 
 def test_of_unknown_noise_too():
-    found = [furthest(question(seed, "unknown"), 1e-4) for seed in SEEDS_UNKNOWN]
+    found = [furthest_from_general(question(seed, "unknown"), 1e-4) for seed in SEEDS_UNKNOWN]
     settled = [each for each in found if each is not None]
     assert settled
     assert max(settled) <= 1e-4
 
 
 def test_gaussian_priors_of_e_n_and_of_the_closure_constant_are_in_the_closed_forms():
-    found = furthest(question(3, prior={"e_n": (0.7, 0.05), "e_t": (-0.7, 0.1)}), 1e-5)
+    found = furthest_from_general(question(3, prior={"e_n": (0.7, 0.05), "e_t": (-0.7, 0.1)}), 1e-5)
     assert found is not None
     assert found <= 1e-5
 
@@ -123,20 +93,4 @@ def test_what_is_not_plain_is_left_to_the_general_integral(options):
 
 def test_a_common_factor_of_the_noise_is_left_to_the_general_integral():
     problem = question(3, "scaled")
-    assert transition_posterior(problem, 1e-4, least_squares(problem)) is None
-
-
-def test_a_plateau_without_sliding_is_left_to_the_general_integral():
-    gamma = np.linspace(1.0, 10.0, 20)
-    beta = ifrfit.rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.5, degrees=True).beta
-    columns = {
-        "series": "run",
-        "observable": np.repeat(["beta", "e_n"], 20),
-        "gamma_deg": np.tile(gamma, 2),
-        "value": np.concatenate((beta + 0.01 * np.cos(7.0 * gamma), 0.9 + 0.01 * np.sin(5.0 * gamma))),
-        "sigma": 0.01,
-    }
-    closure = get_closure("ifr")
-    observations = Observations(make_table(columns))
-    problem = make_problem(observations, closure, 0.4, make_parameters(closure, 0.4), "known")
     assert transition_posterior(problem, 1e-4, least_squares(problem)) is None
