@@ -102,7 +102,7 @@ class GroupLikelihoods(OfGroups):
         return self.domains[MU].prior_upper
 
     @property
-    def is_settled(self) -> Bool:
+    def is_certain(self) -> Bool:
         """Whether chi2 leaves no doubt for what is to follow, (groups,)."""
         optima, curvature = self.optima, self.curvature
         with np.errstate(all="ignore"):
@@ -194,7 +194,7 @@ class Integration:
         kind = support.is_open if self.is_open else support.is_closed
         with np.errstate(invalid="ignore"):
             narrow = (support.high - support.low) < _WIDEST * self.panels * support.sd
-        return np.asarray(likelihoods.is_settled & kind & narrow)
+        return np.asarray(likelihoods.is_certain & kind & narrow)
 
 
 # what most groups need, first
