@@ -18,6 +18,7 @@ from scipy.special import ndtr, ndtri
 
 from ifrfit.campaign.group_values import total
 from ifrfit.campaign.of_groups import OfGroups
+from ifrfit.inference.distributions.protocol import LEVELS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -326,9 +327,12 @@ class LawsOfOneGroup:
     ----------
     laws : mapping of str to GroupLaw
         By quantity, each of one group.
+    at_levels : mapping of str to ndarray, (5,)
+        Its quantiles at `LEVELS`.
     """
 
     laws: Mapping[str, GroupLaw]
+    at_levels: Mapping[str, Array]
 
     @property
     def resolution(self) -> float:
@@ -345,6 +349,8 @@ class LawsOfOneGroup:
 
     def quantile(self, name: str, p: ArrayLike) -> Any:
         """Quantiles; p scalar or array, 0 to 1."""
+        if p == LEVELS:
+            return self.at_levels[name]
         found = self.laws[name].quantiles(np.atleast_1d(np.asarray(p, dtype=float)))[0]
         return float(found[0]) if np.ndim(p) == 0 else found
 

@@ -170,7 +170,11 @@ class GroupPosteriors:
 
     def laws_of(self, group: int) -> LawsOfOneGroup:
         """The laws of one group, each called by the number of its quantity."""
-        return LawsOfOneGroup({str(k): law.of_groups(np.array([group])) for k, law in enumerate(self.laws)})
+        one = np.array([group])
+        return LawsOfOneGroup(
+            {str(k): law.of_groups(one) for k, law in enumerate(self.laws)},
+            {str(k): quantiles for k, quantiles in enumerate(self.quantiles[group])},
+        )
 
 
 @dataclass(frozen=True)
