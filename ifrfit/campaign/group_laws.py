@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ifrfit.campaign.group_values import total
 from ifrfit.campaign.of_groups import OfGroups
-from ifrfit.inference.distributions.protocol import LEVELS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -30,7 +27,6 @@ _E_SPAN = 6.5  # sd of e_n on either side
 _STEPS = 20
 _CLOSE = 1e-5  # error of a probability from which one more step leaves no more than its square
 _SMALL = 1e-11  # mass of a node over the largest
-_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
 class GroupLaw(OfGroups, ABC):
@@ -317,44 +313,3 @@ class FrictionLaw(GroupLaw):
         share, density = share.reshape(kappa.shape), density.reshape(kappa.shape)
         weight = self.mass[:, None]
         return (share * weight).sum(axis=2), (density * weight * self.scale[:, None]).sum(axis=2)
-
-
-@dataclass(frozen=True)
-class LawsOfOneGroup:
-    """The marginal laws of a single group, as `Marginals`, which the rules for estimates ask.
-
-    Attributes
-    ----------
-    laws : mapping of str to GroupLaw
-        By quantity, each of one group.
-    at_levels : mapping of str to ndarray, (5,)
-        Its quantiles at `LEVELS`.
-    """
-
-    laws: Mapping[str, GroupLaw]
-    at_levels: Mapping[str, Array]
-
-    @property
-    def resolution(self) -> float:
-        """Width, in sd, over which a density is taken."""
-        return _RESOLUTION
-
-    def mean(self, name: str) -> float:
-        """Mean."""
-        return float(self.laws[name].mean[0])
-
-    def sd(self, name: str) -> float:
-        """Standard deviation."""
-        return float(self.laws[name].sd[0])
-
-    def quantile(self, name: str, p: ArrayLike) -> Any:
-        """Quantiles; p scalar or array, 0 to 1."""
-        if p == LEVELS:
-            return self.at_levels[name]
-        found = self.laws[name].quantiles(np.atleast_1d(np.asarray(p, dtype=float)))[0]
-        return float(found[0]) if np.ndim(p) == 0 else found
-
-    def cdf(self, name: str, value: ArrayLike) -> Any:
-        """Probability below a value."""
-        found, _ = self.laws[name].below(np.atleast_1d(np.asarray(value, dtype=float))[None])
-        return float(found[0, 0]) if np.ndim(value) == 0 else found[0]

@@ -47,8 +47,7 @@ from ifrfit.inference.model.parameters import Domain, ParameterSet
 from ifrfit.inference.options import Model
 from ifrfit.inference.profile.intervals import marginal_of_profile
 from ifrfit.inference.result.types import Estimate
-from ifrfit.inference.summary.estimates import marginal_of
-from ifrfit.inference.summary.status import Known, estimate_of
+from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
@@ -291,10 +290,10 @@ def _row(
 
 def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain) -> Estimate:
     """What the posterior, or a profile, says of a quantity; near bounds the rule for all methods decides."""
+    low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
+    central68, central95, sd = (low68, high68), (low95, high95), float(posteriors.sd[k, quantity])
     if posteriors.clear[k, quantity]:
-        low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
-        sd = float(posteriors.sd[k, quantity])
-        return Estimate(median, sd, (low68, high68), (low95, high95), "determined")
+        return Estimate(median, sd, central68, central95, "determined")
     optimum = float(posteriors.likelihoods.optimum[k, quantity])
     curvature = posteriors.likelihoods.curvature
     if curvature.is_open[k, quantity]:
@@ -304,5 +303,13 @@ def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain
         found = estimate_of(domain, profile, Known(seen=bool(curvature.is_finite[k, quantity])))
         if found.value is None:  # what the data leave open would follow the prior
             return found
-    marginal = marginal_of(posteriors.laws_of(k), str(quantity), domain)
+
+    def one_sided(is_below: bool) -> OneSided:
+        low95, low68, high68, high95 = posteriors.tails[k, quantity].tolist()
+        if is_below:
+            return OneSided((domain.lower, high68), (domain.lower, high95), sd)
+        return OneSided((low68, domain.upper), (low95, domain.upper), sd)
+
+    reaches_low, reaches_high = posteriors.reached[k, quantity].tolist()
+    marginal = Marginal(median, sd, central68, central95, (reaches_low, reaches_high), one_sided)
     return estimate_of(domain, marginal, Known(optimum=optimum))

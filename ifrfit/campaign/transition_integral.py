@@ -24,7 +24,6 @@ from ifrfit.campaign.group_laws import (
     FrictionLaw,
     GroupLaw,
     KappaLaw,
-    LawsOfOneGroup,
     RestitutionLaw,
 )
 from ifrfit.campaign.group_profiles import LIMITS, GroupProfiles
@@ -36,6 +35,7 @@ from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.summary.estimates import reached_bounds
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -43,6 +43,7 @@ Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 E_N, OWN, MU, KAPPA = range(4)  # quantities; OWN is the closure constant
+TAILS = (0.05, 0.32, 0.68, 0.95)  # levels of intervals that end at a bound
 
 _CLEAR = (
     6.0,
@@ -53,6 +54,7 @@ _CLEAR = (
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 _NARROW = 0.9  # of the sd below which a constant counts as determined
 _WIDEST = 0.6  # sd of a panel
+_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
 
 
@@ -155,8 +157,10 @@ class GroupPosteriors:
         At `LEVELS`.
     correlation : ndarray, (groups, 3, 3)
         Of e_n, the closure constant and mu.
-    laws : tuple of GroupLaw
-        Of each quantity.
+    reached : ndarray of bool, (groups, 4, 2)
+        Whether the 95 % region of what is not clear reaches the lower, and the upper end of its domain.
+    tails : ndarray, (groups, 4, 4)
+        Quantiles at `TAILS` where it reaches one of them; else nan.
     """
 
     likelihoods: GroupLikelihoods
@@ -166,15 +170,8 @@ class GroupPosteriors:
     sd: Array
     quantiles: Array
     correlation: Array
-    laws: tuple[GroupLaw, ...]
-
-    def laws_of(self, group: int) -> LawsOfOneGroup:
-        """The laws of one group, each called by the number of its quantity."""
-        one = np.array([group])
-        return LawsOfOneGroup(
-            {str(k): law.of_groups(one) for k, law in enumerate(self.laws)},
-            {str(k): quantiles for k, quantiles in enumerate(self.quantiles[group])},
-        )
+    reached: Bool
+    tails: Array
 
 
 @dataclass(frozen=True)
@@ -240,8 +237,32 @@ def group_posteriors(likelihoods: GroupLikelihoods, how: Integration) -> GroupPo
         clear = np.stack(
             [_is_clear(sd, quantiles, likelihoods.domains, one) for one in range(len(laws))], axis=1
         )
-    clear &= likelihoods.curvature.is_local
-    return GroupPosteriors(likelihoods, resolved, clear, below, sd, quantiles, correlation, laws)
+        clear &= likelihoods.curvature.is_local
+        reached, tails = _at_ends(laws, likelihoods.domains, resolved[:, None] & ~clear)
+    return GroupPosteriors(likelihoods, resolved, clear, below, sd, quantiles, correlation, reached, tails)
+
+
+def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -> tuple[Bool, Array]:
+    """Which ends of the domain laws reach, (groups, 4, 2), and quantiles at `TAILS`, (groups, 4, 4)."""
+    reached = np.zeros((*asked.shape, 2), dtype=bool)
+    tails = np.full((*asked.shape, len(TAILS)), np.nan)
+    for quantity, (every, domain) in enumerate(zip(laws, domains, strict=True)):
+        groups = np.flatnonzero(asked[:, quantity])
+        if not groups.size:
+            continue
+        law = every.of_groups(groups)
+
+        def below(x: Array, some: Index, law: GroupLaw = law) -> Array:
+            share, _ = law.of_groups(some).below(x)
+            return share
+
+        bounds = domain.lower, domain.prior_upper
+        found = reached_bounds(law.mean, law.sd, bounds, _RESOLUTION, below)
+        reached[groups, quantity] = found
+        one = np.flatnonzero(found.sum(axis=1) == 1)
+        if one.size:
+            tails[groups[one], quantity] = law.of_groups(one).quantiles(np.array(TAILS))
+    return reached, tails
 
 
 def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:

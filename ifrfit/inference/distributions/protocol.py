@@ -19,32 +19,7 @@ BANDS = {
 }  # columns of bands to levels
 
 
-class Marginals(Protocol):
-    """The distribution of each quantity by itself."""
-
-    @property
-    def resolution(self) -> float:
-        """Width, in standard deviations, over which a density can be told at the end of a domain."""
-        ...
-
-    def mean(self, name: str) -> float:
-        """Mean."""
-        ...
-
-    def sd(self, name: str) -> float:
-        """Standard deviation."""
-        ...
-
-    def quantile(self, name: str, p: ArrayLike) -> Any:
-        """Quantiles; p scalar or array, 0 to 1."""
-        ...
-
-    def cdf(self, name: str, value: ArrayLike) -> Any:
-        """Probability below a value: 0 at the lower end of the support and 1 at the upper one."""
-        ...
-
-
-class Distribution(Marginals, Protocol):
+class Distribution(Protocol):
     """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
 
     Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
@@ -61,8 +36,29 @@ class Distribution(Marginals, Protocol):
         ...
 
     @property
+    def resolution(self) -> float:
+        """Width, in standard deviations, over which a density can be told at the end of a domain."""
+        ...
+
+    @property
     def n_draws(self) -> float:
         """How many different draws it can give; infinite where there is no end to them."""
+        ...
+
+    def mean(self, name: str) -> float:
+        """Mean."""
+        ...
+
+    def sd(self, name: str) -> float:
+        """Standard deviation."""
+        ...
+
+    def quantile(self, name: str, p: ArrayLike) -> Any:
+        """Quantiles; p scalar or array, 0 to 1."""
+        ...
+
+    def cdf(self, name: str, value: ArrayLike) -> Any:
+        """Probability below a value: 0 at the lower end of the support and 1 at the upper one."""
         ...
 
     def covariance(self, names: Sequence[str]) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.protocol import LEVELS, Distribution, Marginals
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.model.parameters import Domain, Parameter
@@ -60,7 +60,7 @@ def marginal_of_normal(normal: TruncatedNormal) -> Marginal:
     )
 
 
-def marginal_of(distribution: Marginals, name: str, domain: Domain) -> Marginal:
+def marginal_of(distribution: Distribution, name: str, domain: Domain) -> Marginal:
     """What a distribution says of a quantity: median, mean, sd, and which bounds its 95 % region reaches."""
     low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
     sd = distribution.sd(name)
@@ -81,24 +81,61 @@ def marginal_of(distribution: Marginals, name: str, domain: Domain) -> Marginal:
     )
 
 
-def _reached(distribution: Marginals, name: str, lower: float, upper: float) -> tuple[bool, bool]:
+def _reached(distribution: Distribution, name: str, lower: float, upper: float) -> tuple[bool, bool]:
     """Whether the 95 % region of highest density reaches the lower, and the upper bound."""
-    sd, mean = distribution.sd(name), distribution.mean(name)
-    if sd <= _SAME * abs(mean):  # every draw is the same
-        return on_bound(mean, lower), on_bound(mean, upper)
-    step = distribution.resolution * sd
-    at_ends = np.array([lower, min(lower + step, upper), max(upper - step, lower), upper])
-    low, above_low, below_high, high = np.asarray(distribution.cdf(name, at_ends)).tolist()
-    at_lower, at_upper = (above_low - low) / step, (high - below_high) / step
-    if max(at_lower, at_upper) * sd < _REACHED * _LEAST_TOP:
-        return False, False
-    edges = np.clip(mean + sd * np.linspace(-4.0, 4.0, 33), lower, upper)
+
+    def below(x: Array, _: NDArray[np.intp]) -> Array:
+        return np.asarray(distribution.cdf(name, x[0]))[None]
+
+    moments = np.array([distribution.mean(name)]), np.array([distribution.sd(name)])
+    (found,) = reached_bounds(*moments, (lower, upper), distribution.resolution, below).tolist()
+    return found[0], found[1]
+
+
+def reached_bounds(
+    mean: Array,
+    sd: Array,
+    bounds: tuple[float, float],
+    resolution: float,
+    below: Callable[[Array, NDArray[np.intp]], Array],
+) -> NDArray[np.bool_]:
+    """Whether the 95 % regions of highest density of many laws reach the lower, and the upper bound, (n, 2).
+
+    Parameters
+    ----------
+    mean, sd : ndarray, (n,)
+    bounds : (float, float)
+    resolution : float
+        Width, in sd, over which a density can be told at a bound.
+    below : callable
+        From places, (m, k), and the numbers of their laws, (m,), to the probabilities below them.
+    """
+    lower, upper = bounds
+    exact = sd <= _SAME * np.abs(mean)  # every draw is the same
+    found = np.zeros((mean.size, 2), dtype=bool)
+    for one in np.flatnonzero(exact).tolist():
+        found[one] = [on_bound(float(mean[one]), bound) for bound in bounds]
+    spread = np.flatnonzero(~exact)
+    if not spread.size:
+        return found
+    step = resolution * sd[spread]
+    low, high = np.full(spread.size, lower), np.full(spread.size, upper)
+    at_ends = np.stack((low, np.minimum(lower + step, upper), np.maximum(upper - step, lower), high), axis=1)
+    p = below(at_ends, spread)
+    dense = np.stack(((p[:, 1] - p[:, 0]) / step, (p[:, 3] - p[:, 2]) / step), axis=1)
+    near = np.flatnonzero(dense.max(axis=1, initial=0.0) * sd[spread] >= _REACHED * _LEAST_TOP)
+    rows = spread[near]
+    if not rows.size:
+        return found
+    edges = np.clip(mean[rows, None] + sd[rows, None] * np.linspace(-4.0, 4.0, 33), lower, upper)
+    width = np.diff(edges, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        density = np.diff(np.asarray(distribution.cdf(name, edges))) / np.diff(edges)
+        density = np.diff(below(edges, rows), axis=1) / width
     # bounds cut some of these steps short, and draws that lie on a bound would be dense there without limit
-    top = float(np.where(np.diff(edges) >= step, density, 0.0).max())
-    top = max(top, at_lower, at_upper)
-    return bool(at_lower > _REACHED * top), bool(at_upper > _REACHED * top)
+    top = np.where(width >= step[near, None], density, 0.0).max(axis=1)
+    top = np.maximum(top, dense[near].max(axis=1))
+    found[rows] = dense[near] > _REACHED * top[:, None]
+    return found
 
 
 def estimates_of(
