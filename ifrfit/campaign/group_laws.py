@@ -178,12 +178,18 @@ class ConstantLaw(GroupLaw):
 
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""
-        middle, width, height = (each[:, None, :] for each in (self.middle, self.width, self.height))
-        z = (x[:, :, None] - middle) / width
-        share = np.cumsum(height * (ndtr(z) - self.under[:, None, :]), axis=2)[:, :, -1]
-        density = np.cumsum(height * np.exp(-0.5 * z * z) / width, axis=2)[:, :, -1]
+        z = x[:, :, None] - self.middle[:, None, :]
+        z /= self.width[:, None, :]
+        share = ndtr(z)
+        share *= self.height[:, None, :]
+        share = np.cumsum(share, axis=2)[:, :, -1] - total(self.height * self.under)[:, None]
+        np.square(z, out=z)
+        z *= -0.5
+        density = np.exp(z, out=z)
+        density *= (self.height / self.width)[:, None, :]
         outside = (x < self.low[:, None]) | (x > self.high[:, None])
-        return share, np.where(outside, 0.0, density / math.sqrt(2.0 * math.pi))
+        density = np.cumsum(density, axis=2)[:, :, -1] / math.sqrt(2.0 * math.pi)
+        return share, np.where(outside, 0.0, density)
 
     def without_small_ones(self) -> ConstantLaw:
         """The same less nodes that stand for next to nothing, those that are left first."""

@@ -199,7 +199,7 @@ class Integration:
 
 
 # what most groups need, first
-INTEGRATIONS = tuple(Integration(panels, is_open) for panels in (44, 176) for is_open in (False, True))
+INTEGRATIONS = tuple(Integration(panels, is_open) for panels in (44, 88, 176) for is_open in (False, True))
 
 
 def group_posteriors(likelihoods: GroupLikelihoods, how: Integration) -> GroupPosteriors:
