@@ -23,7 +23,7 @@ import pandas as pd
 from _common import Row, benchmark_parser, cells, publish
 
 from ifrfit.campaign.group_fit import KAPPA, PARTS, GroupQuestion, fit_group
-from ifrfit.campaign.plain_groups import plain_rows
+from ifrfit.campaign.many_groups.plain_groups import plain_rows
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import GroupedFiles
 from ifrfit.inference.estimators import Exact

@@ -21,12 +21,12 @@ import calibrate_campaign as campaigns
 import numpy as np
 from scipy import stats
 
-from ifrfit.campaign.coordinate import Coordinate
-from ifrfit.campaign.group_likelihood import likelihood_moments
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, outlying_groups
-from ifrfit.campaign.normal_hierarchy import NormalHierarchy
+from ifrfit.campaign.population.coordinate import Coordinate
+from ifrfit.campaign.population.group_likelihood import likelihood_moments
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL, outlying_groups
+from ifrfit.campaign.population.normal_hierarchy import NormalHierarchy
+from ifrfit.campaign.population.two_populations import two_populations
 from ifrfit.campaign.run import run_campaign
-from ifrfit.campaign.two_populations import two_populations
 from ifrfit.inference.distributions.protocol import LEVELS
 
 TAUS = (0.0, 0.1, 0.3, 1.0)

@@ -12,9 +12,9 @@ from typing import Any
 
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row
 from ifrfit.campaign.journal import Journal
-from ifrfit.campaign.plain_groups import fit_groups
-from ifrfit.campaign.population import Population, populations
-from ifrfit.campaign.repeated_priors import bounds_reason, prior_reason
+from ifrfit.campaign.many_groups.plain_groups import fit_groups
+from ifrfit.campaign.population.partial_pooling import Population, populations
+from ifrfit.campaign.population.repeated_priors import bounds_reason, prior_reason
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
 from ifrfit.errors import DataError, UsageError

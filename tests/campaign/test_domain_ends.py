@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ifrfit.campaign.domain_ends import _of_cut_laws, cuts_of, moved_by_ends
+from ifrfit.campaign.population.domain_ends import _of_cut_laws, cuts_of, moved_by_ends
 from ifrfit.inference.model.parameters import Parameter
 
 E_T = Parameter("e_t", -1.0, -0.4)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from ifrfit.campaign.coordinate import Coordinate
-from ifrfit.campaign.group_likelihood import joint_likelihoods, likelihood_moments
-from ifrfit.campaign.normal_hierarchy import NormalHierarchy
-from ifrfit.campaign.population import populations
+from ifrfit.campaign.population.coordinate import Coordinate
+from ifrfit.campaign.population.group_likelihood import joint_likelihoods, likelihood_moments
+from ifrfit.campaign.population.normal_hierarchy import NormalHierarchy
+from ifrfit.campaign.population.partial_pooling import populations
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Parameter
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from ifrfit.campaign.leave_one_out import outlying_groups, predictive_p_values
-from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.population.leave_one_out import outlying_groups, predictive_p_values
+from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
 
 # e_n of eleven groups and of one at 0.50, as logits, with their errors
 Y = np.array([1.55, 1.82, 1.70, 1.66, 1.78, 1.74, 1.69, 1.81, 1.58, 1.72, 1.76, 0.00])

@@ -8,7 +8,7 @@ import pytest
 
 from ifrfit import fit
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, fit_group
-from ifrfit.campaign.plain_groups import fit_groups, plain_rows
+from ifrfit.campaign.many_groups.plain_groups import fit_groups, plain_rows
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import GroupedFiles
 from ifrfit.inference.estimators import Exact, LeastSquares

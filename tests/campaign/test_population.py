@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from ifrfit.campaign.coordinate import Coordinate
-from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
-from ifrfit.campaign.population import populations
+from ifrfit.campaign.population.coordinate import Coordinate
+from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.population.partial_pooling import populations
 from ifrfit.inference.model.parameters import Parameter
 
 # the eight schools of Rubin (1981), in Gelman et al., Bayesian Data Analysis, table 5.2

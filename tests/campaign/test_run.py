@@ -124,7 +124,7 @@ def test_an_interrupted_campaign_goes_on(tmp_path, monkeypatch):
     with refused(UsageError, match="something else"):
         run(path, out, resume=True, method="lsq")
     fitted = []
-    import ifrfit.campaign.plain_groups as module
+    import ifrfit.campaign.many_groups.plain_groups as module
 
     monkeypatch.setattr(module, "fit_group", _counting(module.fit_group, fitted))
     again = run(path, out, resume=True)

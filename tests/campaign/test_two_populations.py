@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import optimize, special, stats
 
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, groups_that_hide, outlying_groups
-from ifrfit.campaign.normal_hierarchy import NormalHierarchy
-from ifrfit.campaign.two_populations import (
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL, groups_that_hide, outlying_groups
+from ifrfit.campaign.population.normal_hierarchy import NormalHierarchy
+from ifrfit.campaign.population.two_populations import (
     _one_law,
     _one_peak,
     _two_laws,

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit._version import __version__
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
-from ifrfit.campaign.population import Population
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL
+from ifrfit.campaign.population.partial_pooling import Population
 from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.run import Campaign

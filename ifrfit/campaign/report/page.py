@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row
-from ifrfit.campaign.population import Population
+from ifrfit.campaign.population.partial_pooling import Population
 from ifrfit.campaign.report.text import between, counts, cut_by_ends, membership, warnings
 from ifrfit.campaign.run import EMPTY, Campaign, label
 from ifrfit.report.axis_words import shortened, symbol

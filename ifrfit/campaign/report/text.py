@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
-from ifrfit.campaign.normal_hierarchy import FEWEST
-from ifrfit.campaign.population import Population
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL
+from ifrfit.campaign.population.normal_hierarchy import FEWEST
+from ifrfit.campaign.population.partial_pooling import Population
 from ifrfit.campaign.run import Campaign, label
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.text import decimals, fixed, joined, p_text

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.of_groups import OfGroups
+from ifrfit.campaign.many_groups.of_groups import OfGroups
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from ifrfit.campaign.coordinate import Coordinate
 from ifrfit.campaign.group_fit import KAPPA, correlation_column
+from ifrfit.campaign.population.coordinate import Coordinate
 
 Array = NDArray[np.float64]
 

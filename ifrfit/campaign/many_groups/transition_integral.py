@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ifrfit.campaign.curvature import Curvature
-from ifrfit.campaign.group_laws import (
+from ifrfit.campaign.many_groups.curvature import Curvature
+from ifrfit.campaign.many_groups.kappa_support import KappaSupport
+from ifrfit.campaign.many_groups.laws import (
     NODES,
     WEIGHTS,
     ConstantLaw,
@@ -26,12 +27,11 @@ from ifrfit.campaign.group_laws import (
     KappaLaw,
     RestitutionLaw,
 )
-from ifrfit.campaign.group_profiles import LIMITS, GroupProfiles
-from ifrfit.campaign.group_values import Restitution, Tangential, total
-from ifrfit.campaign.kappa_support import KappaSupport
-from ifrfit.campaign.of_groups import OfGroups
-from ifrfit.campaign.open_friction import laws_up_to, plateau_nodes
-from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.open_friction import laws_up_to, plateau_nodes
+from ifrfit.campaign.many_groups.profiles import LIMITS, GroupProfiles
+from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.values import Restitution, Tangential, total
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr
 
-from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 # groups from which on more than one odd group at once is looked for: several that hide one another, or a
-# second population (`ifrfit.campaign.two_populations`)
+# second population (`ifrfit.campaign.population.two_populations`)
 FEWEST_OF_SEVERAL = 10
 _ALL = 1500  # groups, of which each is looked at; of more one alone does not move the posterior of tau much,
 _NEAR = 3.0  # so that those within so many sd at all its nodes are well within

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.group_values import Restitution
-from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.values import Restitution
 from ifrfit.inference.profile.objective import limit
 
 Array = NDArray[np.float64]

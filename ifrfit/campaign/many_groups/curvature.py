@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.group_values import Restitution
-from ifrfit.campaign.of_groups import OfGroups
-from ifrfit.campaign.sticking_sets import GroupOptima
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.sticking_sets import GroupOptima
+from ifrfit.campaign.many_groups.values import Restitution
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.parameters import Domain
 

@@ -1,8 +1,8 @@
 """The groups of a campaign as members of one population: partial pooling of each constant.
 
 Each group's constant, in a coordinate without ends, is drawn from a normal distribution over groups. What its
-data say is a normal likelihood, its posterior without the prior (`ifrfit.campaign.group_likelihood`,
-`ifrfit.campaign.normal_hierarchy`). A group is shrunk towards the mean by what its own data leave open.
+data say is a normal likelihood, its posterior without the prior (`group_likelihood`, `normal_hierarchy`). A
+group is shrunk towards the mean by what its own data leave open.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.coordinate import Coordinate
-from ifrfit.campaign.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
-from ifrfit.campaign.group_likelihood import joint_likelihoods
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL, below_threshold, membership_p_values
-from ifrfit.campaign.normal_hierarchy import FEWEST, NormalHierarchy
-from ifrfit.campaign.two_populations import TwoPopulations, two_populations
+from ifrfit.campaign.population.coordinate import Coordinate
+from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
+from ifrfit.campaign.population.group_likelihood import joint_likelihoods
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL, below_threshold, membership_p_values
+from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
+from ifrfit.campaign.population.two_populations import TwoPopulations, two_populations
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Population:
         Share of the way to the population's mean, 0 to 1.
     membership_p : ndarray, (n,), or None
         Of each group to lie so far from the others, times the number of groups; None where there are too few
-        groups to look, see `ifrfit.campaign.leave_one_out`.
+        groups to look, see `ifrfit.campaign.population.leave_one_out`.
     two : TwoPopulations or None
         What describes the groups better than one population.
     cut : tuple of CutByEnd
@@ -104,7 +104,7 @@ class Population:
 def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]) -> list[Population]:
     """The population of each constant that enough groups determine, and of kappa.
 
-    What a group says is its likelihood in the coordinate, see `ifrfit.campaign.group_likelihood`.
+    What a group says is its likelihood in the coordinate, see `ifrfit.campaign.population.group_likelihood`.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.group_values import Tangential
-from ifrfit.campaign.of_groups import OfGroups
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.values import Tangential
 from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
 from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
 

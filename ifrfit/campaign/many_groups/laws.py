@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from ifrfit.campaign.group_values import total
-from ifrfit.campaign.of_groups import OfGroups
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

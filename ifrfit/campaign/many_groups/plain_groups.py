@@ -25,14 +25,14 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
-from ifrfit.campaign.group_profiles import LIMITS
-from ifrfit.campaign.group_values import Restitution, Tangential
-from ifrfit.campaign.transition_integral import (
+from ifrfit.campaign.many_groups.profiles import LIMITS
+from ifrfit.campaign.many_groups.transition_integral import (
     INTEGRATIONS,
     GroupLikelihoods,
     GroupPosteriors,
     group_posteriors,
 )
+from ifrfit.campaign.many_groups.values import Restitution, Tangential
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.of_groups import OfGroups
-from ifrfit.campaign.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]

@@ -2,8 +2,8 @@
 
 A group whose e_t may be -1 has a posterior that ends there, and whatever is correlated with e_t moves along.
 In one group that is knowledge; over n groups it counts n times, as bounds of the user's do
-(`ifrfit.campaign.repeated_priors`). And groups that the end leaves open are not pooled: which ones these are
-their noise decides, so that the others lie away from it.
+(`repeated_priors`). And groups that the end leaves open are not pooled: which ones these are their noise
+decides, so that the others lie away from it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, correlation_column
-from ifrfit.campaign.group_likelihood import MU
-from ifrfit.campaign.repeated_priors import HALF_WIDTHS, SHIFT
+from ifrfit.campaign.population.group_likelihood import MU
+from ifrfit.campaign.population.repeated_priors import HALF_WIDTHS, SHIFT
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]

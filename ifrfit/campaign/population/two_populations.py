@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, expit, ndtr
 from scipy.stats import kurtosis, skew
 
-from ifrfit.campaign.leave_one_out import FEWEST_OF_SEVERAL
+from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.group_laws import (
+from ifrfit.campaign.many_groups.laws import (
     WEIGHTS,
     ConstantLaw,
     FrictionLaw,
@@ -24,7 +24,7 @@ from ifrfit.campaign.group_laws import (
     KappaLaw,
     RestitutionLaw,
 )
-from ifrfit.campaign.group_values import total
+from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""The population that groups come from: pooled in part, and what speaks against one."""
