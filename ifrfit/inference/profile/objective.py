@@ -69,13 +69,17 @@ class Misfit:
     def _rises(self, theta: Array) -> Array:
         with np.errstate(all="ignore"):
             residual = self.problem.residual(theta) / self.search.base
-            total, log = self.search.of_known(theta, residual), np.log(self.search.squares(residual))
-            every = [
-                mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
-                for mode, at in zip(self.modes, self._totals, strict=True)
-            ]
-            found = np.array(every)[self.nearest(log), np.arange(len(theta))]
+            found = self.rises_of(self.search.squares(residual), self.search.of_known(theta, residual))
         return np.where(np.isnan(found), np.inf, found)
+
+    def rises_of(self, squares: Array, total: Array) -> Array:
+        """Rise where the groups have these sums of squares, (m, groups), and what is known this chi2, (m,)."""
+        log = np.log(squares)
+        every = [
+            mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
+            for mode, at in zip(self.modes, self._totals, strict=True)
+        ]
+        return np.asarray(np.array(every)[self.nearest(log), np.arange(len(total))])
 
     def dof_at(self, theta: Array) -> Array:
         """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""
