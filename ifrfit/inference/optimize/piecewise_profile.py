@@ -94,44 +94,61 @@ class PiecewiseProfile:
         Along a line t = t0 + t1 d the sum of squares is no less than the profile wherever the constraints
         allow the line, and the profile is one of these: the least of all is the profile, eq. (19).
         """
-        g, mixed, other = self._gram[:, None], self._mixed[:, None], self._other_gram[:, None]
-        slope, other_slope = self._slope[:, None], self._other_slope[:, None]
-        normal, own = self._other_constraint, self._constraint
+        m, p = self._limits.shape
+        step = max(1, _AT_ONCE // (p + 1) ** 2)
+        parts = [self._parabolas_of(slice(i, i + step)) for i in range(0, m, step)]
+        pieces, sizes = zip(*parts, strict=True)
+        if len(parts) > 1:
+            joined = BoundedParabolas(*(np.concatenate(x) for x in zip(*pieces, strict=True)))
+            return PiecewiseParabola(self._center, joined, np.concatenate(sizes, axis=1), self._rounding)
+        return PiecewiseParabola(self._center, pieces[0], sizes[0], self._rounding)
+
+    def _parabolas_of(self, cells: slice) -> tuple[BoundedParabolas, Array]:
+        """Those of some cells, and the sizes of what makes up a, b and s."""
+        of = (self._gram, self._mixed, self._other_gram, self._slope, self._other_slope, self._square)
+        g, mixed, other, slope, other_slope, square = (each[cells, None] for each in of)
+        limits, own, normal = self._limits[cells], self._constraint[cells], self._other_constraint[cells]
         bounding = np.flatnonzero((normal != 0.0).any(axis=0))
         is_line = normal[:, bounding] != 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             unbounded = np.where(other > 0.0, np.stack((other_slope, -mixed)) / other, 0.0)
-            along = np.stack((self._limits, -own))[..., bounding] / normal[:, bounding]
+            along = np.stack((limits, -own))[..., bounding] / normal[:, bounding]
         t0, t1 = np.concatenate((unbounded, np.where(is_line, along, 0.0)), axis=2)
-        low, high = self._allowed(t0, t1, np.concatenate(([-1], bounding)))
+        low, high = _allowed(t0, t1, np.concatenate(([-1], bounding)), own, normal, limits)
         low[:, 1:][~is_line] = np.inf
+        size = (abs(self._center) + np.where(np.isfinite(x), np.abs(x), 0.0) for x in (low, high))
+        low, high = (
+            x + side * _ROUNDED * each for x, side, each in zip((low, high), (-1, 1), size, strict=True)
+        )
         terms = g, 2.0 * mixed * t1, other * t1 * t1
         half_slopes = -slope, mixed * t0, other * t0 * t1, -other_slope * t1
-        constants = self._square[:, None], other * t0 * t0, -2.0 * other_slope * t0
-        a, b, s = (np.sum(np.broadcast_arrays(*x), axis=0) for x in (terms, half_slopes, constants))
-        sizes = [np.sum(np.broadcast_arrays(*map(np.abs, x)), axis=0) for x in (terms, half_slopes, constants)]
+        constants = square, other * t0 * t0, -2.0 * other_slope * t0
+        every = [np.array(np.broadcast_arrays(*x)) for x in (terms, half_slopes, constants)]
+        a, b, s = (x.sum(axis=0) for x in every)
+        sizes = np.array([np.abs(x).sum(axis=0) for x in every])
         a = np.where(a > FLAT * sizes[0], a, 0.0)
         kept = np.nonzero((low <= high) & (low < np.inf))
-        pieces = BoundedParabolas(a, b, s, low, high).take(kept)
-        return PiecewiseParabola(self._center, pieces, np.array(sizes)[:, *kept], self._rounding)
+        return BoundedParabolas(a, b, s, low, high).take(kept), sizes[:, *kept]
 
-    def _allowed(self, t0: Array, t1: Array, along: Index) -> tuple[Array, Array]:
-        """Values d of the given unknown at which the constraints allow the points of lines, (m, lines) each.
 
-        Line j lies along constraint `along[j]`, which it meets whatever rounding says; -1 for along none.
-        """
-        normal, limits = self._other_constraint[:, None], self._limits[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            turned = self._constraint[:, None] + normal * t1[..., None]
-            left = limits - normal * t0[..., None]
-            edge = left / turned
-        free = np.arange(self._limits.shape[1]) == along[:, None]
-        low = np.where((turned < 0.0) & ~free, edge, -np.inf).max(axis=2, initial=-np.inf)
-        high = np.where((turned > 0.0) & ~free, edge, np.inf).min(axis=2, initial=np.inf)
-        never = (turned == 0.0) & (left < -_ROUNDED * (np.abs(limits) + np.abs(normal * t0[..., None])))
-        nowhere = (never & ~free).any(axis=2)
-        wide = [_ROUNDED * (abs(self._center) + np.where(np.isfinite(x), np.abs(x), 0.0)) for x in (low, high)]
-        return np.where(nowhere, np.inf, low - wide[0]), high + wide[1]
+def _allowed(
+    t0: Array, t1: Array, along: Index, own: Array, normal: Array, limits: Array
+) -> tuple[Array, Array]:
+    """Values d at which constraints own d + normal t <= limits allow t = t0 + t1 d, (m, lines) each.
+
+    Line j lies along constraint `along[j]`, which it meets whatever rounding says; -1 for along none.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turned = own[:, None] + normal[:, None] * t1[..., None]
+        left = limits[:, None] - normal[:, None] * t0[..., None]
+        edge = left / turned
+    others = np.arange(limits.shape[1]) != along[:, None]
+    low = np.where((turned < 0.0) & others, edge, -np.inf).max(axis=2, initial=-np.inf)
+    high = np.where((turned > 0.0) & others, edge, np.inf).min(axis=2, initial=np.inf)
+    size = np.abs(limits)[:, None] + np.abs(normal[:, None] * t0[..., None])
+    never = (turned == 0.0) & (left < -_ROUNDED * size) & others
+    low[never.any(axis=2)] = np.inf
+    return low, high
 
 
 class BoundedParabolas(NamedTuple):

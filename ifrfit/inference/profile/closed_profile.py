@@ -74,8 +74,7 @@ class SeparableMisfit:
         problem, search = misfit.problem, misfit.search
         if len(misfit.modes) > 1:
             return None
-        theta = misfit.fit.optimum.theta
-        sums = SeparableSums.of(problem, search.base, theta, number)
+        sums = misfit.separable(number)
         if sums is None:
             return None
         groups = _groups(misfit, sums)
@@ -198,7 +197,7 @@ class SeparableMisfit:
         return np.where(is_cubic, np.where(is_cubic, low, 0.0) + np.where(is_cubic, span, 0.0) * y, high)
 
     def _share(self, part: int, unit: Array, least: Array) -> tuple[Array | float, Array | float, float]:
-        """p, p0 and p2 of the slope p y/(p0 + p2 y^2) of what a part adds to the rise, of least + unit y^2."""
+        """p, p0 and p2 of the slope p y/(p0 + p2 y^2) of what a part adds, least + unit y^2."""
         group = self.groups[part]
         if group is None:
             return unit, 1.0, 0.0

@@ -1,7 +1,7 @@
 """Sums of squares of rows that know the tangential impulse, T(c, kappa), and of those that know e_n, E(e_n).
 
-Where nothing but kappa = mu (1 + e_n) ties both, chi2 is T + E: a quadratic in (c, kappa) in each cell between
-neighbouring transitions, and one in e_n.
+Where nothing but kappa = mu (1 + e_n) ties both, chi2 is T + E: a quadratic in (c, kappa) in each cell
+between neighbouring transitions, and one in e_n.
 """
 
 from __future__ import annotations
@@ -12,20 +12,24 @@ from functools import cached_property
 
 import numpy as np
 
-from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.optimum import Array
-from ifrfit.inference.optimize.parameter_group import ParameterGroup, direct_sums, without_normal_rows
+from ifrfit.inference.optimize.parameter_group import (
+    Constants,
+    ParameterGroup,
+    direct_sums,
+    without_normal_rows,
+)
 from ifrfit.inference.optimize.piecewise import PiecewiseBatch, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_profile import BoundedParabolas, PiecewiseParabola, PiecewiseProfile
 from ifrfit.inference.optimize.piecewise_quadratic import quadratic_of
-from ifrfit.inference.optimize.solve import independent_groups
 from ifrfit.inference.optimize.transition_cells import lowest_on_wall, value_at
 from ifrfit.physics.impulse_laws import Coefficients
 
 _LOW = 100.0  # of chi2 above the least, up to where a profile is of interest
-_EXACT = 1e-8  # rounding error of chi2 that no interval shows
+_ROUNDED = 1e-14  # relative, by which an end of an interval may be off
+_EXACT = 1e-6  # rounding error of chi2 that a curve does not take for a lower optimum
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class SeparableSums:
     rows : ndarray of int
         Which rows of the problem they are.
     tangential : PiecewiseProblem
-        T, in c where it is free and kappa >= 0.
+        T, in c and kappa, as far as they are free.
     center : ndarray, (q,)
         Of c and kappa: where sums are taken about.
     e_n : float
@@ -55,32 +59,29 @@ class SeparableSums:
     restitution: tuple[float, float, float]
 
     @classmethod
-    def of(cls, problem: Problem, base: Array, theta: Array, number: int) -> SeparableSums | None:
-        """Of the rows of a series, and of all that share its constants, about theta.
+    def of(cls, group: ParameterGroup, rows: Index, constants: Constants) -> SeparableSums | None:
+        """Of a group, about constants near its optimum.
 
-        None where rows or priors tie e_n to the others in another way, where the law is not linear, and where
-        rounding would show.
+        None where rows or priors tie e_n to the others in another way, and where rounding would show.
+
+        Parameters
+        ----------
+        group : ParameterGroup
+        rows : ndarray of int
+        constants : (float, float, float)
+            e_n, c and mu, finite.
         """
-        if not problem.error_model.is_plain or problem.offset is not None or problem.common is not None:
-            return None
-        if problem.parameters.is_tied or not problem.closure.bilinear or not np.isfinite(theta).all():
-            return None
-        groups = independent_groups(problem, base)
-        if groups is None:
-            return None
-        group, rows = groups[number if len(groups) > 1 else 0]
         if not _is_separable(group):
             return None
-        # what the ends of mu leave of kappa depends on e_n, unless that is known
-        is_bounded = group.e_n.fixed is not None and group.mu.fixed is None
-        mu_of_rows = group.mu if is_bounded else replace(group.mu, fixed=None, lower=0.0, upper=math.inf)
-        e_n, own, mu = (
-            0.0 if one is None else float(theta[problem.parameters.positions[one][number]])
-            for one in ("e_n", problem.closure.constant, "mu")
-        )
+        e_n, own, mu = constants
+        # what mu leaves of kappa depends on e_n, unless that is known
+        is_known = group.e_n.fixed is not None
+        mu_of_rows = group.mu if is_known else replace(group.mu, fixed=None, lower=0.0, upper=math.inf)
         others = without_normal_rows(replace(group, mu=mu_of_rows), e_n)
-        kappa = mu * (1.0 + e_n)
-        center = np.array([own, kappa] if group.c.fixed is None else [kappa])
+        unknowns = (own, group.c), (mu * (1.0 + e_n), mu_of_rows)
+        center = np.array([value for value, constant in unknowns if constant.fixed is None])
+        if not center.size:
+            return None
         found = cls(group, rows, kappa_form(others).problem, center, e_n, _restitution(group, e_n))
         return found if found._is_exact else None
 
@@ -101,7 +102,7 @@ class SeparableSums:
 
     @cached_property
     def of_kappa(self) -> PiecewiseParabola:
-        """T at given kappa, with c at its best."""
+        """T at given kappa, the last unknown, with c at its best."""
         return PiecewiseProfile(self.tangential, self.center, self.center.size - 1).parabolas()
 
     def along_e_n(self, mu: Array) -> BoundedParabolas:
@@ -137,7 +138,7 @@ class SeparableSums:
         w, r, _ = self.restitution
         best = self.e_n + r / w if w > 0.0 else self.e_n
         value = self.of_e_n(np.minimum(np.maximum(best, low), high))
-        return np.where(low <= high * (1.0 + _EXACT**2), value, np.inf)
+        return np.where(low <= high + _ROUNDED * (1.0 + np.abs(high)), value, np.inf)
 
     @property
     def _is_exact(self) -> bool:
