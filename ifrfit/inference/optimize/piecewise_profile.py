@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseBatch, PiecewiseProblem
-from ifrfit.inference.optimize.piecewise_quadratic import FLAT, Index, cell_constraints, quadratic_of
+from ifrfit.inference.optimize.piecewise_quadratic import FLAT, Bool, Index, cell_constraints, quadratic_of
 
 _AT_ONCE = 1_000_000  # constraints met at once
 _SLACK = 1e-9  # of a constraint that the other unknown cannot move, relative to its terms
@@ -106,7 +106,7 @@ class PiecewiseProfile:
     def _parabolas_of(self, cells: slice) -> tuple[BoundedParabolas, Array]:
         """Those of some cells, and the sizes of what makes up a, b and s."""
         of = (self._gram, self._mixed, self._other_gram, self._slope, self._other_slope, self._square)
-        g, mixed, other, slope, other_slope, square = (each[cells, None] for each in of)
+        g, mixed, other, slope, other_slope, square = (each[cells][:, None] for each in of)
         limits, own, normal = self._limits[cells], self._constraint[cells], self._other_constraint[cells]
         bounding = np.flatnonzero((normal != 0.0).any(axis=0))
         is_line = normal[:, bounding] != 0.0
@@ -127,8 +127,8 @@ class PiecewiseProfile:
         a, b, s = (x.sum(axis=0) for x in every)
         sizes = np.array([np.abs(x).sum(axis=0) for x in every])
         a = np.where(a > FLAT * sizes[0], a, 0.0)
-        kept = np.nonzero((low <= high) & (low < np.inf))
-        return BoundedParabolas(a, b, s, low, high).take(kept), sizes[:, *kept]
+        kept = (low <= high) & (low < np.inf)
+        return BoundedParabolas(a, b, s, low, high).take(kept), sizes[:, kept]
 
 
 def _allowed(
@@ -184,7 +184,7 @@ class BoundedParabolas(NamedTuple):
         """The same with another added to each."""
         return self._replace(a=self.a + a, b=self.b + b, s=self.s + s)
 
-    def take(self, which: tuple[Index, ...]) -> BoundedParabolas:
+    def take(self, which: tuple[Index, ...] | Bool) -> BoundedParabolas:
         """Some of them."""
         return BoundedParabolas(*(each[which] for each in self))
 

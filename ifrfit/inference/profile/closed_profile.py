@@ -46,7 +46,7 @@ def closed_profile(misfit: Misfit, constraint: Constraint) -> Profile | None:
     if name == "e_n":
         return lambda x: separable.of_e_n(constraint.value_at(x))
     of = {"mu": separable.of_mu, "kappa": separable.of_kappa, "transition": separable.of_transition}
-    return of.get(name, separable.of_c) if separable.knows(name) else None
+    return of.get(name, separable.of_c) if separable.has_form_of(name) else None
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class SeparableMisfit:
             rest = _chi2_of_others(misfit, sums, number)
         return cls(misfit, sums, groups, rest)
 
-    def knows(self, name: str) -> bool:
+    def has_form_of(self, name: str) -> bool:
         """Whether there is a closed form for a quantity."""
         sums = self.sums
         if name == "mu":
@@ -96,7 +96,7 @@ class SeparableMisfit:
             return sums.mu[1] > 0.0
         # kappa is free then, whatever e_n is
         is_free = sums.group.e_n.fixed is not None or sums.mu == (0.0, np.inf)
-        return sums.knows_c and (is_free or name == "transition")
+        return sums.is_c_free and (is_free or name == "transition")
 
     def rises(self, tangential: Array, restitution: Array) -> Array:
         """Rise at T and E, (n,) each."""
@@ -167,7 +167,7 @@ class SeparableMisfit:
         some = own.take((mu_number, piece))
         for d in self._stationary(some):
             np.minimum.at(best, mu_number, self._rises_along(some, np.clip(d, some.low, some.high)))
-        return best
+        return np.asarray(best)
 
     def _rises_along(self, tangential: BoundedParabolas, d: Array) -> Array:
         """Rise at e_n less that about which sums are taken."""
@@ -175,7 +175,7 @@ class SeparableMisfit:
 
     def _rises_of(self, tangential: Array, restitution: Array) -> Array:
         shape = tangential.shape
-        return self.rises(tangential.ravel(), restitution.ravel()).reshape(shape)
+        return np.reshape(self.rises(tangential.ravel(), restitution.ravel()), shape)
 
     def _stationary(self, own: BoundedParabolas) -> Array:
         """Where the slope of the rise vanishes, by pieces, (3, k): the roots of the cubic of eq. (20)."""
@@ -183,20 +183,22 @@ class SeparableMisfit:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             low, high = -own.b / own.a, r / w
             span = high - low
-            tangential = self._share(0, own.a * span**2, own.s - own.b**2 / own.a)
-            restitution = self._share(1, w * span**2, s - r * r / w)
-        (p, p0, p2), (q, q0, q2) = tangential, restitution
-        # p y (q0 + q2 (1 - y)^2) = q (1 - y) (p0 + p2 y^2)
-        terms = -q * p0, p * (q0 + q2) + q * p0, -2.0 * p * q2 - q * p2, p * q2 + q * p2
-        cubic = np.array(np.broadcast_arrays(*terms))
-        is_cubic = np.isfinite(cubic[:3] / cubic[3]).all(axis=0)
+            p, p0, p2 = self._share(0, own.a * span**2, own.s - own.b**2 / own.a)
+            q, q0, q2 = self._share(1, w * span**2, s - r * r / w)
+            # p y (q0 + q2 (1 - y)^2) = q (1 - y) (p0 + p2 y^2), from the constant on
+            cubic = -q * p0, p * (q0 + q2) + q * p0, -2.0 * p * q2 - q * p2, p * q2 + q * p2
+            monic = np.array(np.broadcast_arrays(*cubic[:3])) / cubic[3]
+        is_cubic = np.isfinite(monic).all(axis=0)
         companion = np.zeros((own.a.size, 3, 3))
         companion[:, 1, 0] = companion[:, 2, 1] = 1.0
-        companion[is_cubic, :, 2] = (-cubic[:3] / cubic[3]).T[is_cubic]
+        companion[is_cubic, :, 2] = -monic.T[is_cubic]
         y = np.linalg.eigvals(companion).real.T
-        return np.where(is_cubic, np.where(is_cubic, low, 0.0) + np.where(is_cubic, span, 0.0) * y, high)
+        # of two equal places, or of a flat T, those that were met will do
+        return np.where(is_cubic, low + np.where(is_cubic, span, 0.0) * y, high)
 
-    def _share(self, part: int, unit: Array, least: Array) -> tuple[Array | float, Array | float, float]:
+    def _share(
+        self, part: int, unit: Array, least: Array | float
+    ) -> tuple[Array | float, Array | float, float]:
         """p, p0 and p2 of the slope p y/(p0 + p2 y^2) of what a part adds, least + unit y^2."""
         group = self.groups[part]
         if group is None:
@@ -216,12 +218,10 @@ def _groups(misfit: Misfit, sums: SeparableSums) -> tuple[int | None, int | None
     found = []
     for rows, has_prior in zip(parts, priors, strict=True):
         own = set(number[rows].tolist())
-        if len(own) > 1 or (own != {-1} and own and has_prior):
+        if len(own) > 1 or (has_prior and own - {-1}):
             return None
         found.append(own.pop() if own else -1)
     first, second = (None if one == -1 else one for one in found)
-    if first is not None and first == second and any(priors):
-        return None
     return first, second
 
 

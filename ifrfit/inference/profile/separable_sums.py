@@ -91,7 +91,7 @@ class SeparableSums:
         return self.group.mu.ends
 
     @property
-    def knows_c(self) -> bool:
+    def is_c_free(self) -> bool:
         """Whether c is an unknown of T."""
         return self.group.c.fixed is None
 
