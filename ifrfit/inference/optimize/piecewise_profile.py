@@ -108,7 +108,8 @@ class PiecewiseProfile:
         of = (self._gram, self._mixed, self._other_gram, self._slope, self._other_slope, self._square)
         g, mixed, other, slope, other_slope, square = (each[cells][:, None] for each in of)
         limits, own, normal = self._limits[cells], self._constraint[cells], self._other_constraint[cells]
-        bounding = np.flatnonzero((normal != 0.0).any(axis=0))
+        # not the last constraint, the upper kink: along it the next cell has the same values
+        bounding = np.flatnonzero((normal[:, :-1] != 0.0).any(axis=0))
         is_line = normal[:, bounding] != 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             unbounded = np.where(other > 0.0, np.stack((other_slope, -mixed)) / other, 0.0)

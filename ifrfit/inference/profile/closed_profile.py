@@ -123,7 +123,7 @@ class SeparableMisfit:
 
     def of_c(self, c: Array) -> Array:
         """Rise at a given closure constant, where kappa is free."""
-        return self.rises(self.sums.of_c(c)[0], self._least_e_n(c.size))
+        return self.rises(self.sums.of_c(c), self._least_e_n(c.size))
 
     def of_transition(self, tau: Array) -> Array:
         """Rise where the transition lies at a given slip ratio, whatever bounds mu has."""

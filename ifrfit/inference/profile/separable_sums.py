@@ -96,9 +96,9 @@ class SeparableSums:
         return self.group.c.fixed is None
 
     @cached_property
-    def of_c(self) -> PiecewiseProfile:
-        """T at given c, with kappa at its best."""
-        return PiecewiseProfile(self.tangential, self.center, 0)
+    def of_c(self) -> PiecewiseParabola:
+        """T at given c, the first unknown, with kappa at its best."""
+        return PiecewiseProfile(self.tangential, self.center, 0).parabolas()
 
     @cached_property
     def of_kappa(self) -> PiecewiseParabola:
@@ -112,14 +112,20 @@ class SeparableSums:
 
     def at_transition(self, tau: Array) -> Array:
         """T where impacts begin to slide at a given slip ratio, with c at its best."""
-        quadratic = quadratic_of(PiecewiseBatch(self.tangential.sorted_by_tau().about(self.center)))
-        gram, slope = quadratic.gram[:, :, 0], quadratic.slope[:, 0]
-        form = np.stack((gram[0, 0], gram[0, 1], gram[1, 1], *slope, quadratic.square[0]))
-        form = form[:, np.searchsorted(quadratic.high, tau)]
+        form, high = self._cells
+        form = form[:, np.searchsorted(high, tau)]
         law, (c, kappa) = self.group.coefficients, self.center.tolist()
         centered = Coefficients(law.a0 + law.a1 * c, law.a1, law.b0 + law.b1 * c, law.b1)
         domain = self.group.c.lower - c, self.group.c.upper - c
         return value_at(form, *lowest_on_wall(form, tau, centered, domain, kappa))
+
+    @cached_property
+    def _cells(self) -> tuple[Array, Array]:
+        """Coefficients of T in each cell as those of `transition_cells`, (6, m), and its upper end, (m,)."""
+        quadratic = quadratic_of(PiecewiseBatch(self.tangential.sorted_by_tau().about(self.center)))
+        gram, slope = quadratic.gram[:, :, 0], quadratic.slope[:, 0]
+        form = np.stack((gram[0, 0], gram[0, 1], gram[1, 1], *slope, quadratic.square[0]))
+        return form, quadratic.high
 
     @property
     def ends(self) -> tuple[float, float]:
