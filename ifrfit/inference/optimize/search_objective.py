@@ -161,7 +161,7 @@ class SearchObjective:
         return as_slice(np.flatnonzero(known))
 
     @cached_property
-    def _least(self) -> Array:
+    def least_squares(self) -> Array:
         """Sum of squares of each group below which there is nothing but rounding."""
         return np.array([self.problem.rounding_variance(rows) * rows.size for rows in self.groups])
 
@@ -170,7 +170,7 @@ class SearchObjective:
         if not self.groups:
             return np.zeros((len(z), 0))
         found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self._spans], axis=1)
-        return np.asarray(np.maximum(found, self._least))
+        return np.asarray(np.maximum(found, self.least_squares))
 
     def of_known(self, theta: Array, z: Array) -> Array:
         """chi2 of rows with a known sigma and of the priors, (m,)."""

@@ -47,6 +47,7 @@ def estimates_of_optimum(
         optima that lie near one another, as the domain goes, need no profile then.
     """
     reasons = prior_reasons(problem, fit)
+    misfit = cache(partial(Misfit.of, problem, fit))
 
     def free(name: str, domain: Domain, rivals: list[float], quantity: Callable[[], Quantity]) -> Estimate:
         normal = gaussian.marginals[name]
@@ -59,7 +60,7 @@ def estimates_of_optimum(
         if fit.common is not None:
             ends = (domain.lower, domain.upper)
             return Estimate(None, None, ends, ends, "not_determined", _WITHOUT_PROFILE)
-        return _profiled(problem, fit, quantity(), known)
+        return _profiled(misfit(), quantity(), known)
 
     @cache
     def of_kappa(number: int) -> Estimate:
@@ -78,14 +79,14 @@ def estimates_of_optimum(
     return by_constant(problem, of_entry, of_kappa)
 
 
-def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known: Known) -> Estimate:
+def _profiled(misfit: Misfit, quantity: Quantity, known: Known) -> Estimate:
     """By the profile, over all optima.
 
     A quantity that depends on a direction the data do not see is never called determined, however short its
     profile: that is what the bounds of another constant leave of it.
     """
     known = replace(known, plain=known.plain or "by its profile")
-    return profile_of(Misfit.of(problem, fit), quantity, known, COARSE, fill=False).estimate()
+    return profile_of(misfit, quantity, known, COARSE, fill=False).estimate()
 
 
 def through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:

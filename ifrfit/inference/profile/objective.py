@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_dof
 from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.optimize.parameter_group import ParameterGroup
+from ifrfit.inference.optimize.solve import independent_groups
+from ifrfit.inference.profile.separable_sums import SeparableSums
 
 _WITHIN = 16.0  # rise of a rival mode up to which a profile may pass to it
 
@@ -69,13 +73,46 @@ class Misfit:
     def _rises(self, theta: Array) -> Array:
         with np.errstate(all="ignore"):
             residual = self.problem.residual(theta) / self.search.base
-            total, log = self.search.of_known(theta, residual), np.log(self.search.squares(residual))
-            every = [
-                mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
-                for mode, at in zip(self.modes, self._totals, strict=True)
-            ]
-            found = np.array(every)[self.nearest(log), np.arange(len(theta))]
+            found = self.rises_of(self.search.squares(residual), self.search.of_known(theta, residual))
         return np.where(np.isnan(found), np.inf, found)
+
+    def rises_of(self, squares: Array, total: Array) -> Array:
+        """Rise at sums of squares of the groups, (m, groups), and chi2 of what is known, (m,)."""
+        log = np.log(squares)
+        every = [
+            mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
+            for mode, at in zip(self.modes, self._totals, strict=True)
+        ]
+        return np.asarray(np.array(every)[self.nearest(log), np.arange(len(total))])
+
+    @cached_property
+    def separable(self) -> Callable[[int], SeparableSums | None]:
+        """Sums of the rows of a series, by its number, and of all that share its constants; None without.
+
+        They are those of errors of the values alone, and of a law that is linear in the closure constant and
+        kappa. Each is worked out once.
+        """
+        return cache(self._separable)
+
+    def _separable(self, number: int) -> SeparableSums | None:
+        parameters, theta = self.problem.parameters, self.fit.optimum.theta
+        if number > 0 and not parameters.differ_by_series:
+            return self.separable(0)
+        e_n, *c, mu = theta[[places[number] for places in parameters.positions.values()]].tolist()
+        constants = e_n, c[0] if c else 0.0, mu
+        if self._groups is None or not np.isfinite(constants).all():
+            return None
+        return SeparableSums.of(*self._groups[number], constants)
+
+    @cached_property
+    def _groups(self) -> list[tuple[ParameterGroup, Index]] | None:
+        """Rows that share no free constant with others; None where there are none, or no sums of squares."""
+        problem = self.problem
+        if not problem.error_model.is_plain or problem.offset is not None or problem.common is not None:
+            return None
+        if problem.parameters.is_tied or not problem.closure.bilinear:
+            return None
+        return independent_groups(problem, self.search.base)
 
     def dof_at(self, theta: Array) -> Array:
         """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""

@@ -14,6 +14,7 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.search_objective import FollowingMu
+from ifrfit.inference.profile.closed_profile import closed_profile
 from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
@@ -155,10 +156,13 @@ def profile_curve(misfit: Misfit, quantity: Quantity, dof: float, resolution: Re
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)
-    searched = SearchedProfile(misfit, quantity.constraint, value)
-    curve = ProfileCurve(
-        searched, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution, searched.unconverged
-    )
+    ends = quantity.domain.lower, quantity.domain.upper, quantity.far
+    closed = closed_profile(misfit, quantity.constraint)
+    if closed is not None:
+        curve = ProfileCurve(closed, *ends, resolution)
+    else:
+        searched = SearchedProfile(misfit, quantity.constraint, value)
+        curve = ProfileCurve(searched, *ends, resolution, searched.unconverged)
     variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd

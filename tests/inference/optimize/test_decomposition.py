@@ -126,7 +126,7 @@ def test_many_rows_take_no_more_memory_at_once(monkeypatch):
     unknown, x = LINKS["c"]
     member = PiecewiseMember(kappa_form(group_of()).problem, unknown)
     whole = member.profile(x)
-    monkeypatch.setattr("ifrfit.inference.optimize.decomposition._AT_ONCE", 1)
+    monkeypatch.setattr("ifrfit.inference.optimize.piecewise_profile._AT_ONCE", 1)
     np.testing.assert_array_equal(whole, member.profile(x))
 
 
