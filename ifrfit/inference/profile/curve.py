@@ -43,7 +43,7 @@ class Resolution:
 
 
 FINE = Resolution(16, 1e-8, between=True)
-COARSE = Resolution(0, 1e-4, between=False)  # for what the Gaussian approximation leaves open
+COARSE = Resolution(0, 1e-7, between=False)  # for what the Gaussian approximation leaves open
 
 
 class ProfileCurve:
