@@ -6,7 +6,6 @@ group in which anything is out of the ordinary is left to it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -25,7 +24,6 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
-from ifrfit.campaign.many_groups.profiles import LIMITS
 from ifrfit.campaign.many_groups.transition_integral import (
     INTEGRATIONS,
     GroupLikelihoods,
@@ -45,7 +43,6 @@ from ifrfit.inference.estimators import Exact
 from ifrfit.inference.keywords import selection_of
 from ifrfit.inference.model.parameters import Domain, ParameterSet
 from ifrfit.inference.options import Model
-from ifrfit.inference.profile.intervals import marginal_of_profile
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 from ifrfit.physics.closures import get_closure
@@ -290,19 +287,12 @@ def _row(
 
 def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain) -> Estimate:
     """What the posterior, or a profile, says of a quantity; near bounds the rule for all methods decides."""
+    if (k, quantity) in posteriors.left_open:
+        return posteriors.left_open[k, quantity]
     low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
     central68, central95, sd = (low68, high68), (low95, high95), float(posteriors.sd[k, quantity])
     if posteriors.clear[k, quantity]:
         return Estimate(median, sd, central68, central95, "determined")
-    optimum = float(posteriors.likelihoods.optimum[k, quantity])
-    curvature = posteriors.likelihoods.curvature
-    if curvature.is_open[k, quantity]:
-        below = dict(zip(LIMITS, posteriors.below[k, quantity].tolist(), strict=True))
-        ends = domain.lower, domain.upper
-        profile = marginal_of_profile(ends, optimum, math.inf, lambda rise: tuple(below[rise]))
-        found = estimate_of(domain, profile, Known(seen=bool(curvature.is_finite[k, quantity])))
-        if found.value is None:  # what the data leave open would follow the prior
-            return found
 
     def one_sided(is_below: bool) -> OneSided:
         low95, low68, high68, high95 = posteriors.tails[k, quantity].tolist()
@@ -312,4 +302,5 @@ def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain
 
     reaches_low, reaches_high = posteriors.reached[k, quantity].tolist()
     marginal = Marginal(median, sd, central68, central95, (reaches_low, reaches_high), one_sided)
+    optimum = float(posteriors.likelihoods.optimum[k, quantity])
     return estimate_of(domain, marginal, Known(optimum=optimum))

@@ -9,8 +9,10 @@ settle with digits to spare are for the general code.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +37,10 @@ from ifrfit.campaign.many_groups.values import Restitution, Tangential, total
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.profile.intervals import marginal_of_profile
+from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.estimates import reached_bounds
+from ifrfit.inference.summary.status import Known, estimate_of
 from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
@@ -119,24 +124,41 @@ class GroupLikelihoods(OfGroups):
         e_n, kappa = self.e_n.best, self.optima.kappa
         return np.stack((e_n, self.optima.constant, kappa / (1.0 + e_n), kappa), axis=1)
 
-    def below_limits(self) -> Array:
-        """Ends of what lies below each of `LIMITS` in the profile of what the curvature leaves open.
-
-        Returns
-        -------
-        ndarray, (groups, 4, 4, 2)
-            nan for what it fixes.
-        """
-        found = np.full((*self.curvature.is_open.shape, len(LIMITS), 2), np.nan)
+    def left_open(self) -> LeftOpen:
+        """What profiles say of quantities that the curvature leaves open, where that is no value."""
         of = {OWN: GroupProfiles.of_constant, MU: GroupProfiles.of_mu, KAPPA: GroupProfiles.of_kappa}
+        found: dict[tuple[int, int], Estimate] = {}
+        failed = np.zeros(self.e_n.mean.size, dtype=bool)
         for quantity, ends in of.items():
             groups = np.flatnonzero(self.curvature.is_open[:, quantity])
-            if groups.size:
-                some = self.of_groups(groups)
-                with np.errstate(all="ignore"):
-                    profiles = GroupProfiles.of(some.sets, some.optima, some.own, some.e_n)
-                    found[groups, quantity] = ends(profiles)
-        return found
+            if not groups.size:
+                continue
+            some = self.of_groups(groups)
+            with np.errstate(all="ignore"):
+                below = ends(GroupProfiles.of(some.sets, some.optima, some.own, some.e_n))
+            failed[groups] |= np.isnan(below).any(axis=(1, 2))
+            optimum, is_seen = some.optimum[:, quantity], some.curvature.is_finite[:, quantity]
+            for group, own, value, seen in zip(groups, below, optimum, is_seen, strict=True):
+                estimate = _of_profile(self.domains[quantity], own, float(value), bool(seen))
+                if estimate.value is None:  # else the posterior says more
+                    found[int(group), quantity] = estimate
+        return LeftOpen(found, failed)
+
+
+class LeftOpen(NamedTuple):
+    """Estimates without a value, by group and quantity, and in which groups profiles came to no end."""
+
+    estimates: Mapping[tuple[int, int], Estimate]
+    failed: Bool
+
+
+def _of_profile(domain: Domain, below: Array, optimum: float, is_seen: bool) -> Estimate:
+    """What a profile says of a quantity by the ends of what lies below each of `LIMITS`, (4, 2)."""
+    hulls = dict(zip(LIMITS, map(tuple, below.tolist()), strict=True))
+    ends = domain.lower, domain.upper
+    return estimate_of(
+        domain, marginal_of_profile(ends, optimum, math.inf, hulls.__getitem__), Known(seen=is_seen)
+    )
 
 
 @dataclass(frozen=True)
@@ -150,11 +172,11 @@ class GroupPosteriors:
         Whether it was settled; the others are for the general code.
     clear : ndarray of bool, (groups, 4)
         Whether e_n, the closure constant, mu and kappa are determined beyond doubt.
-    below : ndarray, (groups, 4, 4, 2)
-        As `GroupLikelihoods.below_limits`.
+    left_open : mapping
+        Estimates without a value, by group and quantity.
     sd : ndarray, (groups, 4)
     quantiles : ndarray, (groups, 4, 5)
-        At `LEVELS`.
+        At `LEVELS`; nan of what is left open.
     correlation : ndarray, (groups, 3, 3)
         Of e_n, the closure constant and mu.
     reached : ndarray of bool, (groups, 4, 2)
@@ -166,7 +188,7 @@ class GroupPosteriors:
     likelihoods: GroupLikelihoods
     resolved: Bool
     clear: Bool
-    below: Array
+    left_open: Mapping[tuple[int, int], Estimate]
     sd: Array
     quantiles: Array
     correlation: Array
@@ -224,45 +246,59 @@ def group_posteriors(likelihoods: GroupLikelihoods, how: Integration) -> GroupPo
             mu = FrictionLaw.made(kappa, restitution)
             laws = (restitution, own.without_small_ones(), mu, kappa)
             correlation = _correlation(restitution, own, mu, kappa, grid)
-        quantiles = np.stack([each.quantiles(np.array(LEVELS)) for each in laws], axis=1)
         sd = np.stack([each.sd for each in laws], axis=1)
-        below = likelihoods.below_limits()
-        is_open = likelihoods.curvature.is_open
-        resolved = np.isfinite(sd).all(axis=1) & np.isfinite(quantiles).all(axis=(1, 2))
-        resolved &= ~(np.isnan(below).any(axis=(2, 3)) & is_open).any(axis=1)
+        left = likelihoods.left_open()
+        asked = np.ones(sd.shape, dtype=bool)
+        asked[*_places(left.estimates)] = False
+        quantiles = _quantiles(laws, np.array(LEVELS), asked)
+        resolved = ~left.failed & np.isfinite(sd).all(axis=1)
+        resolved &= (np.isfinite(quantiles).all(axis=2) | ~asked).all(axis=1)
         # beyond, mass of mu ends at its domain for some e_n only
         resolved &= likelihoods.support.high < most * (1.0 + restitution.low)
         # the nodes of e_n would see steps where kappa is known much better
-        resolved &= kappa.sd > _STEPLESS * quantiles[:, MU, 2] * e_n.sd
+        resolved &= kappa.sd > _STEPLESS * laws[MU].mean * e_n.sd
         clear = np.stack(
             [_is_clear(sd, quantiles, likelihoods.domains, one) for one in range(len(laws))], axis=1
         )
         clear &= likelihoods.curvature.is_local
-        reached, tails = _at_ends(laws, likelihoods.domains, resolved[:, None] & ~clear)
-    return GroupPosteriors(likelihoods, resolved, clear, below, sd, quantiles, correlation, reached, tails)
+        asked &= resolved[:, None] & ~clear
+        reached, tails = _at_ends(laws, likelihoods.domains, asked)
+    return GroupPosteriors(
+        likelihoods, resolved, clear, left.estimates, sd, quantiles, correlation, reached, tails
+    )
+
+
+def _places(estimates: Mapping[tuple[int, int], Estimate]) -> tuple[Index, Index]:
+    """Groups and quantities."""
+    groups, quantities = np.array(list(estimates), dtype=np.intp).reshape(-1, 2).T
+    return groups, quantities
+
+
+def _quantiles(laws: Sequence[GroupLaw], levels: Array, asked: Bool) -> Array:
+    """Quantiles of laws, (groups, quantities, levels), where they are asked for; else nan."""
+    found = np.full((*asked.shape, levels.size), np.nan)
+    for quantity, law in enumerate(laws):
+        groups = np.flatnonzero(asked[:, quantity])
+        if groups.size:
+            found[groups, quantity] = law.of_groups(groups).quantiles(levels)
+    return found
 
 
 def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -> tuple[Bool, Array]:
     """Which ends of the domain laws reach, (groups, 4, 2), and quantiles at `TAILS`, (groups, 4, 4)."""
     reached = np.zeros((*asked.shape, 2), dtype=bool)
-    tails = np.full((*asked.shape, len(TAILS)), np.nan)
     for quantity, (every, domain) in enumerate(zip(laws, domains, strict=True)):
         groups = np.flatnonzero(asked[:, quantity])
-        if not groups.size:
-            continue
         law = every.of_groups(groups)
 
         def below(x: Array, some: Index, law: GroupLaw = law) -> Array:
             share, _ = law.of_groups(some).below(x)
             return share
 
-        bounds = domain.lower, domain.prior_upper
-        found = reached_bounds(law.mean, law.sd, bounds, _RESOLUTION, below)
-        reached[groups, quantity] = found
-        one = np.flatnonzero(found.sum(axis=1) == 1)
-        if one.size:
-            tails[groups[one], quantity] = law.of_groups(one).quantiles(np.array(TAILS))
-    return reached, tails
+        if groups.size:
+            bounds = domain.lower, domain.prior_upper
+            reached[groups, quantity] = reached_bounds(law.mean, law.sd, bounds, _RESOLUTION, below)
+    return reached, _quantiles(laws, np.array(TAILS), reached.sum(axis=2) == 1)
 
 
 def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:
