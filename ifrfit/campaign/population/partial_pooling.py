@@ -114,9 +114,8 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
         Of the model, whose domains make the coordinates.
     """
     domains = {p.name: Coordinate(p.lower, p.upper) for p in parameters} | {KAPPA: Coordinate(0.0, math.inf)}
-    names = dict.fromkeys(
-        key.removesuffix("_status") for row in rows for key in row if key.endswith("_status")
-    )
+    columns = dict.fromkeys(key for kind in dict.fromkeys(map(tuple, rows)) for key in kind)
+    names = [key.removesuffix("_status") for key in columns if key.endswith("_status")]
     said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
     ends = moved_by_ends(rows, parameters)
     found = []
