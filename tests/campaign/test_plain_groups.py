@@ -240,3 +240,50 @@ def test_groups_whose_friction_has_no_upper_end(tmp_path):
     assert sum(row["mu_hi95"] > 1.0 for row in found.values()) >= 5
     for place, row in found.items():
         assert_alike(row, fit_group(question(), files, groups[place]))
+
+
+SCENES = (0, 2, 3, 5, 7, 10, 13, 14)
+
+
+def scene_of(seed):
+    """Groups of a scene drawn at random, as the benchmark of campaigns has them."""
+    rng = np.random.default_rng(seed)
+    low = rng.uniform(0.0, 40.0)
+    ends = low, rng.uniform(low + 20.0, 89.0)
+    sigma, spin = np.exp(rng.uniform(np.log(0.003), np.log(0.1))), rng.choice([0.0, 0.3])
+    name = str(rng.choice(["beta", "v_x", "spin_y_after", "beta_cm"]))
+    parts = []
+    for group in range(24):
+        n = int(rng.integers(6, 100))
+        truth = {
+            "e_n": rng.uniform(0.3, 1.0),
+            "e_t": rng.uniform(-1.0, -0.4),
+            "mu": np.exp(rng.uniform(-3.5, 0.0)),
+        }
+        gamma, spin_y = rng.uniform(*ends, n), spin * rng.standard_normal(n)
+        state = rebound(gamma, 0.0, spin_y, degrees=True, **truth)
+        value = OBSERVABLES[name].value(state, np.full(n, truth["mu"])) + sigma * rng.standard_normal(n)
+        e_n = np.maximum(truth["e_n"] + sigma * rng.standard_normal(n), 0.0)
+        columns = {"run": f"r{group}", "gamma_deg": gamma, "spin_y": spin_y, name: value, "e_n": e_n}
+        parts.append(pd.DataFrame(columns | {f"sigma_{name}": sigma, "sigma_e_n": sigma}))
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_what_the_data_leave_open(tmp_path, seed):
+    """In any scene intervals of posteriors and profiles and all statuses are those of the general code."""
+    files, groups = read(tmp_path, scene_of(seed))
+    found = plain_rows(question(), files, groups)
+    assert len(found) >= 20
+    for place, row in found.items():
+        assert_alike(row, fit_group(question(), files, groups[place]))
+
+
+def test_the_scenes_leave_constants_open(tmp_path):
+    """Else the test above would not test profiles."""
+    statuses = []
+    for seed in SCENES:
+        files, groups = read(tmp_path, scene_of(seed))
+        found = plain_rows(question(), files, groups).values()
+        statuses += [row[f"{name}_status"] for row in found for name in ("e_t", "mu")]
+    assert {"determined", "one_sided", "not_determined"} <= set(statuses)
