@@ -24,12 +24,9 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
-from ifrfit.campaign.many_groups.transition_integral import (
-    INTEGRATIONS,
-    GroupLikelihoods,
-    GroupPosteriors,
-    group_posteriors,
-)
+from ifrfit.campaign.many_groups.likelihoods import GroupLikelihoods
+from ifrfit.campaign.many_groups.posteriors import GroupPosteriors, group_posteriors
+from ifrfit.campaign.many_groups.transition_integral import INTEGRATIONS
 from ifrfit.campaign.many_groups.values import Restitution, Tangential
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
@@ -43,8 +40,6 @@ from ifrfit.inference.estimators import Exact
 from ifrfit.inference.keywords import selection_of
 from ifrfit.inference.model.parameters import Domain, ParameterSet
 from ifrfit.inference.options import Model
-from ifrfit.inference.result.types import Estimate
-from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
@@ -276,31 +271,10 @@ def _row(
     }
     names = tuple(domains)
     for quantity, name in enumerate(names):
-        row |= estimate_columns(name, _estimate(posteriors, k, quantity, domains[name]))
+        row |= estimate_columns(name, posteriors.estimate(k, quantity))
     for i, j in combinations(range(_FREE), 2):
         row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
     # where every impact sticks kappa takes no degree of freedom
     dof = n - int(likelihoods.curvature.is_finite[k, :_FREE].sum())
     chi2 = float(likelihoods.optima.chi2[k] + likelihoods.e_n.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
-
-
-def _estimate(posteriors: GroupPosteriors, k: int, quantity: int, domain: Domain) -> Estimate:
-    """What the posterior, or a profile, says of a quantity; near bounds the rule for all methods decides."""
-    if (k, quantity) in posteriors.left_open:
-        return posteriors.left_open[k, quantity]
-    low95, low68, median, high68, high95 = posteriors.quantiles[k, quantity].tolist()
-    central68, central95, sd = (low68, high68), (low95, high95), float(posteriors.sd[k, quantity])
-    if posteriors.clear[k, quantity]:
-        return Estimate(median, sd, central68, central95, "determined")
-
-    def one_sided(is_below: bool) -> OneSided:
-        low95, low68, high68, high95 = posteriors.tails[k, quantity].tolist()
-        if is_below:
-            return OneSided((domain.lower, high68), (domain.lower, high95), sd)
-        return OneSided((low68, domain.upper), (low95, domain.upper), sd)
-
-    reaches_low, reaches_high = posteriors.reached[k, quantity].tolist()
-    marginal = Marginal(median, sd, central68, central95, (reaches_low, reaches_high), one_sided)
-    optimum = float(posteriors.likelihoods.optimum[k, quantity])
-    return estimate_of(domain, marginal, Known(optimum=optimum))

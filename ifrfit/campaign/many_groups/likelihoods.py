@@ -1,0 +1,128 @@
+"""chi2 of many groups: its quadratics, its certified optimum, and what of the constants it leaves open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.campaign.many_groups.curvature import Curvature
+from ifrfit.campaign.many_groups.kappa_support import KappaSupport
+from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.profiles import LIMITS, GroupProfiles
+from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
+from ifrfit.campaign.many_groups.values import Restitution, Tangential
+from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.profile.intervals import marginal_of_profile
+from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.summary.status import Known, estimate_of
+from ifrfit.physics.impulse_laws import Coefficients
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+E_N, OWN, MU, KAPPA = range(4)  # quantities; OWN is the closure constant
+
+_OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
+
+
+@dataclass(frozen=True)
+class GroupLikelihoods(OfGroups):
+    """chi2 of many groups: its quadratics, its optimum, and where it is low.
+
+    Attributes
+    ----------
+    sets : StickingSets
+    optima : GroupOptima
+    e_n : Restitution
+    support : KappaSupport
+    curvature : Curvature
+    domains : tuple of Domain
+        Of e_n, the closure constant, mu and kappa.
+    """
+
+    sets: StickingSets
+    optima: GroupOptima
+    e_n: Restitution
+    support: KappaSupport
+    curvature: Curvature
+    domains: tuple[Domain, ...]
+
+    @classmethod
+    def of(
+        cls, tangential: Tangential, e_n: Restitution, law: Coefficients, domains: Sequence[Domain]
+    ) -> GroupLikelihoods:
+        """From the values of each group; `law` with b1 = 0."""
+        own = domains[OWN].lower, domains[OWN].upper
+        with np.errstate(all="ignore"):  # what is not finite is not resolved
+            sets = StickingSets.of(tangential, law)
+            optima = sets.minima(own)
+            support = KappaSupport.of(sets, optima, own, domains[KAPPA].prior_upper)
+            curvature = Curvature.of(optima, e_n, domains)
+        return cls(sets, optima, e_n, support, curvature, tuple(domains))
+
+    @property
+    def own(self) -> tuple[float, float]:
+        """Domain of the closure constant."""
+        return self.domains[OWN].lower, self.domains[OWN].upper
+
+    @property
+    def most(self) -> float:
+        """Where the default prior of mu ends."""
+        return self.domains[MU].prior_upper
+
+    @property
+    def is_certain(self) -> Bool:
+        """Whether chi2 leaves no doubt for what is to follow, (groups,)."""
+        optima, curvature = self.optima, self.curvature
+        with np.errstate(all="ignore"):
+            found = (optima.kappa > 0.0) & optima.is_unique & np.isfinite(self.e_n.sd)
+            found &= (self.e_n.outside < _OUTSIDE) & (optima.beyond < _OUTSIDE)
+            found &= (curvature.is_local | curvature.is_open).all(axis=1) & curvature.is_local[:, E_N]
+        return np.asarray(found)
+
+    @property
+    def optimum(self) -> Array:
+        """Of e_n, the closure constant, mu and kappa, (groups, 4)."""
+        e_n, kappa = self.e_n.best, self.optima.kappa
+        return np.stack((e_n, self.optima.constant, kappa / (1.0 + e_n), kappa), axis=1)
+
+    def left_open(self) -> LeftOpen:
+        """What profiles say of quantities that the curvature leaves open, where that is no value."""
+        of = {OWN: GroupProfiles.of_constant, MU: GroupProfiles.of_mu, KAPPA: GroupProfiles.of_kappa}
+        found: dict[tuple[int, int], Estimate] = {}
+        failed = np.zeros(self.e_n.mean.size, dtype=bool)
+        for quantity, ends in of.items():
+            groups = np.flatnonzero(self.curvature.is_open[:, quantity])
+            if not groups.size:
+                continue
+            some = self.of_groups(groups)
+            with np.errstate(all="ignore"):
+                below = ends(GroupProfiles.of(some.sets, some.optima, some.own, some.e_n))
+            failed[groups] |= np.isnan(below).any(axis=(1, 2))
+            optimum, is_seen = some.optimum[:, quantity], some.curvature.is_finite[:, quantity]
+            for group, own, value, seen in zip(groups, below, optimum, is_seen, strict=True):
+                estimate = _of_profile(self.domains[quantity], own, float(value), bool(seen))
+                if estimate.value is None:  # else the posterior says more
+                    found[int(group), quantity] = estimate
+        return LeftOpen(found, failed)
+
+
+class LeftOpen(NamedTuple):
+    """Estimates without a value, by group and quantity, and in which groups profiles came to no end."""
+
+    estimates: Mapping[tuple[int, int], Estimate]
+    failed: Bool
+
+
+def _of_profile(domain: Domain, below: Array, optimum: float, is_seen: bool) -> Estimate:
+    """What a profile says of a quantity by the ends of what lies below each of `LIMITS`, (4, 2)."""
+    hulls = dict(zip(LIMITS, map(tuple, below.tolist()), strict=True))
+    ends = domain.lower, domain.upper
+    return estimate_of(
+        domain, marginal_of_profile(ends, optimum, math.inf, hulls.__getitem__), Known(seen=is_seen)
+    )

@@ -1,0 +1,156 @@
+"""What the posteriors of many groups say of each constant: values, intervals and statuses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.campaign.many_groups.laws import GroupLaw
+from ifrfit.campaign.many_groups.likelihoods import GroupLikelihoods
+from ifrfit.campaign.many_groups.transition_integral import Integration, marginal_laws
+from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.summary.estimates import reached_bounds
+from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+TAILS = (0.05, 0.32, 0.68, 0.95)  # levels of intervals that end at a bound
+
+# sd from a bound at which it plays no part: e_n, the constant, mu, kappa; the rule asks for less than 2
+_CLEAR = (6.0, 3.5, 3.5, 3.5)
+_NARROW = 0.9  # of the sd below which a constant counts as determined
+_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
+
+
+@dataclass(frozen=True)
+class GroupPosteriors:
+    """What was found of each group; (groups,) each.
+
+    Attributes
+    ----------
+    likelihoods : GroupLikelihoods
+    resolved : ndarray of bool
+        Whether it was settled; the others are for the general code.
+    clear : ndarray of bool, (groups, 4)
+        Whether e_n, the closure constant, mu and kappa are determined beyond doubt.
+    left_open : mapping
+        Estimates without a value, by group and quantity.
+    sd : ndarray, (groups, 4)
+    quantiles : ndarray, (groups, 4, 5)
+        At `LEVELS`; nan of what is left open.
+    correlation : ndarray, (groups, 3, 3)
+        Of e_n, the closure constant and mu.
+    reached : ndarray of bool, (groups, 4, 2)
+        Whether the 95 % region of what is not clear reaches the lower, and the upper end of its domain.
+    tails : ndarray, (groups, 4, 4)
+        Quantiles at `TAILS` where it reaches one of them; else nan.
+    """
+
+    likelihoods: GroupLikelihoods
+    resolved: Bool
+    clear: Bool
+    left_open: Mapping[tuple[int, int], Estimate]
+    sd: Array
+    quantiles: Array
+    correlation: Array
+    reached: Bool
+    tails: Array
+
+    def estimate(self, group: int, quantity: int) -> Estimate:
+        """What posterior or profile say of a quantity; near bounds the rule of all methods decides."""
+        domain = self.likelihoods.domains[quantity]
+        if (group, quantity) in self.left_open:
+            return self.left_open[group, quantity]
+        low95, low68, median, high68, high95 = self.quantiles[group, quantity].tolist()
+        central68, central95, sd = (low68, high68), (low95, high95), float(self.sd[group, quantity])
+        if self.clear[group, quantity]:
+            return Estimate(median, sd, central68, central95, "determined")
+
+        def one_sided(is_below: bool) -> OneSided:
+            low95, low68, high68, high95 = self.tails[group, quantity].tolist()
+            if is_below:
+                return OneSided((domain.lower, high68), (domain.lower, high95), sd)
+            return OneSided((low68, domain.upper), (low95, domain.upper), sd)
+
+        reaches_low, reaches_high = self.reached[group, quantity].tolist()
+        marginal = Marginal(median, sd, central68, central95, (reaches_low, reaches_high), one_sided)
+        optimum = float(self.likelihoods.optimum[group, quantity])
+        return estimate_of(domain, marginal, Known(optimum=optimum))
+
+
+def group_posteriors(likelihoods: GroupLikelihoods, how: Integration) -> GroupPosteriors:
+    """Posterior of each group.
+
+    Parameters
+    ----------
+    likelihoods : GroupLikelihoods
+        Of groups that suit the way of integration.
+    how : Integration
+    """
+    with np.errstate(all="ignore"):  # what is not finite is not resolved
+        laws, correlation, resolved = marginal_laws(likelihoods, how)
+        sd = np.stack([each.sd for each in laws], axis=1)
+        left = likelihoods.left_open()
+        asked = np.ones(sd.shape, dtype=bool)
+        asked[*_places(left.estimates)] = False
+        quantiles = _quantiles(laws, np.array(LEVELS), asked)
+        resolved &= ~left.failed & np.isfinite(sd).all(axis=1)
+        resolved &= (np.isfinite(quantiles).all(axis=2) | ~asked).all(axis=1)
+        clear = np.stack(
+            [_is_clear(sd, quantiles, likelihoods.domains, one) for one in range(len(laws))], axis=1
+        )
+        clear &= likelihoods.curvature.is_local
+        asked &= resolved[:, None] & ~clear
+        reached, tails = _at_ends(laws, likelihoods.domains, asked)
+    return GroupPosteriors(
+        likelihoods, resolved, clear, left.estimates, sd, quantiles, correlation, reached, tails
+    )
+
+
+def _places(estimates: Mapping[tuple[int, int], Estimate]) -> tuple[Index, Index]:
+    """Groups and quantities."""
+    groups, quantities = np.array(list(estimates), dtype=np.intp).reshape(-1, 2).T
+    return groups, quantities
+
+
+def _quantiles(laws: Sequence[GroupLaw], levels: Array, asked: Bool) -> Array:
+    """Quantiles of laws, (groups, quantities, levels), where they are asked for; else nan."""
+    found = np.full((*asked.shape, levels.size), np.nan)
+    for quantity, law in enumerate(laws):
+        groups = np.flatnonzero(asked[:, quantity])
+        if groups.size:
+            found[groups, quantity] = law.of_groups(groups).quantiles(levels)
+    return found
+
+
+def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -> tuple[Bool, Array]:
+    """Which ends of the domain laws reach, (groups, 4, 2), and quantiles at `TAILS`, (groups, 4, 4)."""
+    reached = np.zeros((*asked.shape, 2), dtype=bool)
+    for quantity, (every, domain) in enumerate(zip(laws, domains, strict=True)):
+        groups = np.flatnonzero(asked[:, quantity])
+        law = every.of_groups(groups)
+
+        def below(x: Array, some: Index, law: GroupLaw = law) -> Array:
+            share, _ = law.of_groups(some).below(x)
+            return share
+
+        if groups.size:
+            bounds = domain.lower, domain.prior_upper
+            reached[groups, quantity] = reached_bounds(law.mean, law.sd, bounds, _RESOLUTION, below)
+    return reached, _quantiles(laws, np.array(TAILS), reached.sum(axis=2) == 1)
+
+
+def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:
+    """Whether a quantity is determined beyond doubt: narrow, and far from its bounds."""
+    bounds = domains[quantity]
+    middle, away = quantiles[:, quantity, 2], _CLEAR[quantity] * sd[:, quantity]
+    inside = (middle - away > bounds.lower) & (middle + away < min(bounds.upper, bounds.prior_upper))
+    return np.asarray(inside & (sd[:, quantity] < _NARROW * HALF * bounds.prior_sd))
