@@ -6,7 +6,7 @@ group in which anything is out of the ordinary is left to it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -157,7 +157,7 @@ def _rows(
             place = int(left[k])
             counts = int(values.oblique[place]), int(values.n[place])
             group = groups[alike[place]]
-            found[alike[place]] = _row(group, conventions, domains, posteriors, k, counts)
+            found[alike[place]] = _row(group, conventions, tuple(domains), posteriors, k, counts)
         pending[left] = False
     return found
 
@@ -251,7 +251,7 @@ def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[fl
 def _row(
     group: Group,
     conventions: Conventions,
-    domains: Mapping[str, Domain],
+    names: Sequence[str],
     posteriors: GroupPosteriors,
     k: int,
     counts: tuple[int, int],
@@ -269,7 +269,6 @@ def _row(
         "n_sticking": oblique - sliding,
         PROVENANCE: provenance_words((conventions.provenance,)),
     }
-    names = tuple(domains)
     for quantity, name in enumerate(names):
         row |= estimate_columns(name, posteriors.estimate(k, quantity))
     for i, j in combinations(range(_FREE), 2):
