@@ -38,9 +38,11 @@ def stand_in_words(result: FitResult) -> str:
 
 def kinds_of(result: FitResult, source: Source) -> tuple[str, ...]:
     """Provenances of the rows used of a source; of the whole source where the result holds no points."""
-    rows = rows_of(result, source)
-    if len(rows):
-        return tuple(str(kind) for kind in rows["provenance"].unique())
+    points = result.points
+    if len(points):
+        own = points["provenance"][points["source"] == source.name]
+        if len(own):
+            return tuple(str(kind) for kind in own.unique())
     return tuple(kind.strip() for kind in source.provenance.split(","))
 
 
