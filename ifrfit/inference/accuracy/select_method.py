@@ -17,6 +17,7 @@ from ifrfit.inference.posterior import ExactPosterior, QuadraturePosterior, inte
 from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.integrators import sampled_posterior
+from ifrfit.inference.posterior.transition_quadrature import transition_posterior
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -73,6 +74,10 @@ def as_requested(
     if unsuitable and "mcmc" not in methods:
         return _exact(problem, optimum, sampled_posterior(problem, optimum, seed), request)
     if "exact" in methods and not unsuitable:
+        if request.accuracy is not None:
+            plain = transition_posterior(problem, request.accuracy, optimum)
+            if plain is not None:  # in milliseconds, whatever the budget
+                return _exact(problem, optimum, plain, request)
         try:
             posterior = refine(problem, optimum, request, must=must)
         except GridTooLargeError as refusal:
