@@ -13,6 +13,7 @@ from typing import Any
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row
 from ifrfit.campaign.journal import Journal
 from ifrfit.campaign.many_groups.plain_groups import fit_groups
+from ifrfit.campaign.population.limits import MostlyOpen
 from ifrfit.campaign.population.partial_pooling import Population, populations
 from ifrfit.campaign.population.repeated_priors import bounds_reason, prior_reason
 from ifrfit.data.conventions import parse_conventions
@@ -52,6 +53,8 @@ class Campaign:
         Of each group, see `ifrfit.campaign.group_fit.fit_group`.
     refused : tuple of RefusedFile
     populations : tuple of Population
+    mostly_open : tuple of MostlyOpen
+        Constants of which most groups give no more than a limit.
     no_population : str
         Why none was pooled, where knowledge of the user's would count once a group; else empty.
     unread : str
@@ -71,6 +74,7 @@ class Campaign:
     rows: tuple[Row, ...]
     refused: tuple[RefusedFile, ...]
     populations: tuple[Population, ...]
+    mostly_open: tuple[MostlyOpen, ...]
     no_population: str
     unread: str
     model: Model
@@ -225,12 +229,14 @@ def run_campaign(
         journal.close()
         raise DataError(_all_failed(keys, rows))
     reason = prior_reason(question.model, question.noise, parameters) or bounds_reason(rows, parameters)
+    pooled, mostly_open = populations([] if reason else rows, parameters)
     campaign = Campaign(
         tuple(by),
         keys,
         rows,
         tuple(refused),
-        () if reason else tuple(populations(rows, parameters)),
+        tuple(pooled),
+        tuple(mostly_open),
         reason,
         journal.unread,
         replace(question.model, closure=get_closure(question.model.closure).name),

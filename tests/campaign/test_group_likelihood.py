@@ -126,6 +126,6 @@ def test_the_population_takes_it():
         | {"failure": "", "mu_status": "determined"}
         for each in five.T.tolist()
     ]
-    (found,) = populations(rows, [Parameter("mu", 0.0, math.inf)])
+    (found,), _ = populations(rows, [Parameter("mu", 0.0, math.inf)])
     hierarchy = NormalHierarchy.of(*likelihood_moments(LOG.to(five), LOG))
     assert float(found.centre.median) == pytest.approx(math.exp(hierarchy.centre_quantiles()[2]), rel=1e-9)

@@ -137,8 +137,8 @@ def rows_of(values, sd=0.01, status="determined"):
 
 def test_groups_that_do_not_determine_a_constant_are_left_out():
     rows = [*rows_of([0.1, 0.12, 0.14]), *rows_of([0.5], status="one_sided"), {"failure": "broken"}]
-    (found,) = populations(rows, [Parameter("mu", 0.0, math.inf)])
+    (found,), _ = populations(rows, [Parameter("mu", 0.0, math.inf)])
     assert found.groups.tolist() == [0, 1, 2]
     assert found.left_out == 1
     assert 0.1 < float(found.centre.median) < 0.14
-    assert populations(rows_of([0.1, 0.2]), [Parameter("mu", 0.0, math.inf)]) == []
+    assert populations(rows_of([0.1, 0.2]), [Parameter("mu", 0.0, math.inf)]) == ([], [])

@@ -127,7 +127,7 @@ def predictive_p_values(hierarchy: NormalHierarchy, places: NDArray[np.intp]) ->
 
 def _given_the_others(hierarchy: NormalHierarchy, places: Index) -> Array:
     """Two-sided p-values of some groups, given those that are none of them; (k,)."""
-    others = NormalHierarchy.of(np.delete(hierarchy.y, places), np.delete(hierarchy.s, places))
+    others = hierarchy.without(places)
     sd = np.sqrt(hierarchy.s[places, None] ** 2 + others.tau**2 + others.sd**2)
     distance = (hierarchy.y[places, None] - others.mean) / sd
     return np.asarray(2.0 * np.minimum(*(ndtr(side * distance) @ others.weight for side in (-1.0, 1.0))))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtr, ndtri
 
+from ifrfit.campaign.population.limits import Limits
 from ifrfit.inference.distributions.protocol import LEVELS
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ _DECADES = 14.0  # e-folds of tau below and above the scale of the groups
 _KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
 _EXACT = 1e-12  # sd of a quantile
 _WIDER = 1e-9  # sd beyond the ends of a bracket
+_STEPS, _STILL = 30, 1e-6  # of Newton's method, and sd at which it is there
 _BLOCK = 2_000_000  # numbers at once
 
 
@@ -40,6 +42,8 @@ class NormalHierarchy:
         Nodes, and the logarithms of their probabilities.
     mean, sd : ndarray, (m,)
         Of the population's mean, given tau.
+    limits : Limits
+        What further groups say that leave the constant open on one side.
     """
 
     y: Array
@@ -48,6 +52,7 @@ class NormalHierarchy:
     log_weight: Array
     mean: Array
     sd: Array
+    limits: Limits
 
     @property
     def weight(self) -> Array:
@@ -55,8 +60,11 @@ class NormalHierarchy:
         return np.exp(self.log_weight)
 
     @classmethod
-    def of(cls, y: Array, s: Array) -> NormalHierarchy:
+    def of(cls, y: Array, s: Array, limits: Limits | None = None) -> NormalHierarchy:
         """Integrate over tau on a grid of its logarithm.
+
+        With limits the mean given tau has no normal law, but one with a single peak: Laplace's approximation
+        about it, node by node.
 
         Raises
         ------
@@ -68,16 +76,22 @@ class NormalHierarchy:
         scale = float(np.sqrt(np.mean(s**2) + np.var(y)))
         log_tau = math.log(scale) + np.linspace(-_DECADES, _DECADES, _NODES)
         log_p, mean, variance = (np.empty(_NODES) for _ in range(3))
-        step = max(1, _BLOCK // y.size)
+        limits = Limits.none() if limits is None else limits
+        step = max(1, _BLOCK // (y.size + limits.place.size))
         for first in range(0, _NODES, step):
             at = slice(first, first + step)
-            total = s**2 + np.exp(2.0 * log_tau[at])[:, None]
+            spread = np.exp(2.0 * log_tau[at])
+            total = s**2 + spread[:, None]
             precision = (1.0 / total).sum(axis=1)
-            mean[at] = (y / total).sum(axis=1) / precision
-            variance[at] = 1.0 / precision
+            own = (y / total).sum(axis=1) / precision
+            mean[at], variance[at], censored = _peak(own, precision, spread, limits)
             misfit = ((y - mean[at][:, None]) ** 2 / total + np.log(total)).sum(axis=1)
-            log_p[at] = 0.5 * np.log(variance[at]) - 0.5 * misfit + log_tau[at]
-        return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance))
+            log_p[at] = 0.5 * np.log(variance[at]) - 0.5 * misfit + censored + log_tau[at]
+        return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance), limits)
+
+    def without(self, places: Index) -> NormalHierarchy:
+        """The posterior of the other groups."""
+        return NormalHierarchy.of(np.delete(self.y, places), np.delete(self.s, places), self.limits)
 
     def tau_quantiles(self) -> Array:
         """Quantiles of tau, (5,)."""
@@ -96,7 +110,13 @@ class NormalHierarchy:
             return np.asarray(summed / weight[seen])
 
         return NormalHierarchy(
-            self.y, self.s, average(self.tau), np.log(weight[seen]), average(self.mean), average(self.sd)
+            self.y,
+            self.s,
+            average(self.tau),
+            np.log(weight[seen]),
+            average(self.mean),
+            average(self.sd),
+            self.limits,
         )
 
     def shrinkage(self) -> Array:
@@ -121,6 +141,30 @@ class NormalHierarchy:
         """Quantiles of the constant of a new group, (5,)."""
         wide = np.hypot(self.sd, self.tau)
         return _mixture_quantiles(self.weight, self.mean[:, None], wide[:, None])[:, 0]
+
+
+def _peak(own: Array, precision: Array, variance: Array, limits: Limits) -> tuple[Array, Array, Array]:
+    """Mean and variance of the population's mean given tau, and what the limits add to log p there.
+
+    Parameters
+    ----------
+    own, precision : ndarray, (m,)
+        Of the normal law that the other groups leave of the mean.
+    variance : ndarray, (m,)
+        tau^2.
+    limits : Limits
+    """
+    mean = own.copy()
+    if limits.place.size:
+        for _ in range(_STEPS):  # log p is concave
+            _, first, second = limits.log_likelihood(mean, variance)
+            slope, bend = first - precision * (mean - own), precision - second
+            step = slope / bend
+            mean = mean + step
+            if (np.abs(step) * np.sqrt(bend) < _STILL).all():
+                break
+    added, _, second = limits.log_likelihood(mean, variance)
+    return mean, 1.0 / (precision - second), added
 
 
 def _mixture_quantiles(weight: Array, mean: Array, sd: Array) -> Array:

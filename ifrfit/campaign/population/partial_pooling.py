@@ -20,6 +20,7 @@ from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
 from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL, below_threshold, membership_p_values
+from ifrfit.campaign.population.limits import Limits, MostlyOpen
 from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.campaign.population.two_populations import TwoPopulations, two_populations
 from ifrfit.inference.model.parameters import Parameter
@@ -55,8 +56,10 @@ class Population:
         In which it is normal over groups.
     groups : ndarray of int, (n,)
         Which rows of the table were pooled: those that determine the constant.
+    limits : int
+        Further groups, which leave it open on one side and count as limits.
     left_out : int
-        Groups with a fit that do not determine it.
+        Groups with a fit that say nothing of it.
     centre, new, tau : Quantiles
         One number each: of the median group, of a group that is not among these, and of the standard
         deviation over groups in the coordinate.
@@ -76,6 +79,7 @@ class Population:
     name: str
     by: Coordinate
     groups: NDArray[np.intp]
+    limits: int
     left_out: int
     centre: Quantiles
     new: Quantiles
@@ -101,10 +105,14 @@ class Population:
         return low, high
 
 
-def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]) -> list[Population]:
+def populations(
+    rows: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]
+) -> tuple[list[Population], list[MostlyOpen]]:
     """The population of each constant that enough groups determine, and of kappa.
 
-    What a group says is its likelihood in the coordinate, see `ifrfit.campaign.population.group_likelihood`.
+    What a group says is its likelihood in the coordinate, see `group_likelihood`; of one that leaves the
+    constant open on one side, see `limits`. Where these are more than those that determine it, what is said
+    of the median would rest on the shape of the population alone: there is none.
 
     Parameters
     ----------
@@ -118,22 +126,29 @@ def populations(rows: Sequence[Mapping[str, Any]], parameters: Sequence[Paramete
     names = [key.removesuffix("_status") for key in columns if key.endswith("_status")]
     said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
     ends = moved_by_ends(rows, parameters)
-    found = []
+    found: list[Population] = []
+    mostly_open: list[MostlyOpen] = []
     for name in names:
-        one = _population(name, rows, domains[name.partition("[")[0]], *said[name])
+        by = domains[name.partition("[")[0]]
+        limits = Limits.of(name, rows, by)
+        determined = int(np.isfinite(said[name][0]).sum())
+        if limits.groups > determined:
+            mostly_open.append(MostlyOpen(name, determined, limits.groups))
+            continue
+        one = _population(name, rows, by, *said[name], limits)
         if one is not None:
             found.append(replace(one, cut=cuts_of(name, one.groups, rows, ends)))
-    return found
+    return found, mostly_open
 
 
 def _population(
-    name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate, mean: Array, sd: Array
+    name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate, mean: Array, sd: Array, limits: Limits
 ) -> Population | None:
     fitted = [number for number, row in enumerate(rows) if not row[FAILURE] and f"{name}_status" in row]
     groups = np.flatnonzero(np.isfinite(mean) & np.isfinite(sd) & (sd > 0.0))
     if groups.size < FEWEST:
         return None
-    hierarchy = NormalHierarchy.of(mean[groups], sd[groups])
+    hierarchy = NormalHierarchy.of(mean[groups], sd[groups], limits)
 
     def values(five: Array, to: Callable[[Array], Array] = by.back) -> Quantiles:
         return Quantiles.of(to(five))
@@ -142,7 +157,8 @@ def _population(
         name,
         by,
         groups,
-        len(fitted) - groups.size,
+        limits.groups,
+        len(fitted) - groups.size - limits.groups,
         values(hierarchy.centre_quantiles()),
         values(hierarchy.new_quantiles()),
         values(hierarchy.tau_quantiles(), np.asarray),

@@ -54,6 +54,9 @@ def record(campaign: Campaign) -> dict[str, Any]:
         "refused_files": [{"file": each.name, "reason": each.reason} for each in campaign.refused],
         "unread": campaign.unread or None,
         "no_population": campaign.no_population or None,
+        "mostly_open": {
+            each.name: {"groups": each.determined, "limits": each.limits} for each in campaign.mostly_open
+        },
         "populations": {each.name: _population(campaign, each) for each in campaign.populations},
     }
 
@@ -68,6 +71,7 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
 
     return {
         "groups": int(found.groups.size),
+        "limits": found.limits,
         "left_out": found.left_out,
         "not_of_the_population": None
         if found.outlying is None

@@ -23,14 +23,18 @@ def summary(campaign: Campaign) -> str:
         for each in campaign.populations:
             middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
             new = between(float(each.new.lo95), float(each.new.hi95))
-            lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
-        lines += [f"  {said}" for said in (*cut_by_ends(campaign), *membership(campaign))]
+            limits = f", {each.limits} as limits" if each.limits else ""
+            pooled = f"{each.groups.size} of {campaign.fitted}{limits}"
+            lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {pooled}")
+        said = (*mostly_open(campaign), *cut_by_ends(campaign), *membership(campaign))
+        lines += [f"  {each}" for each in said]
     elif campaign.no_population:
         lines += ["", campaign.no_population]
     else:
         lines += [
             "",
             f"No constant is determined by {FEWEST} groups or more: there is no population to tell of.",
+            *mostly_open(campaign),
         ]
     if looks := Counter(row[LOOK] for row in campaign.rows if row.get(LOOK)):
         lines += ["", f"to look at: {sum(looks.values())} of {campaign.fitted} groups"]
@@ -96,6 +100,15 @@ def membership(campaign: Campaign) -> list[str]:
             f"Whether the groups are of one population in {joined(few)} cannot be told from {FEWEST} groups."
         )
     return said
+
+
+def mostly_open(campaign: Campaign) -> list[str]:
+    """Constants of which most groups give no more than a limit."""
+    return [
+        f"{each.name}: no population, as {each.limits} of {campaign.fitted} groups give no more than a limit "
+        f"and {each.determined} a value; which ones do the constant itself decides."
+        for each in campaign.mostly_open
+    ]
 
 
 def cut_by_ends(campaign: Campaign) -> list[str]:
