@@ -111,3 +111,15 @@ def test_no_population_where_most_groups_give_a_limit():
     assert float(found.centre.median) > 0.14
     found, (left,) = populations([*determined, *limits], parameters)
     assert (found, left) == ([], ("mu", 3, 4))
+
+
+def test_a_limit_far_from_the_others_is_named():
+    parameters = [Parameter("mu", 0.0, math.inf)]
+    rows = [row(0.98 * x, 0.99 * x, 1.01 * x, x, status="determined") for x in np.linspace(0.1, 0.12, 12)]
+    for each in rows:
+        each["mu_hi95"] = 1.02 * each["mu"]
+    (near,), _ = populations([*rows, row(0.11, 0.115)], parameters)
+    (far,), _ = populations([*rows, row(0.4, 0.5)], parameters)
+    assert near.outlying == {}
+    assert list(far.outlying) == [12]
+    assert near.limit_p[12] > 0.1

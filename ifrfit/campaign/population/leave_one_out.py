@@ -54,6 +54,19 @@ def membership_p_values(hierarchy: NormalHierarchy) -> Array | None:
     return p
 
 
+def limit_p_values(hierarchy: NormalHierarchy) -> dict[int, float]:
+    """With what probability a group of the population of the others gives such a limit, by its row.
+
+    Times the number of groups, 1 at most.
+    """
+    limits = hierarchy.limits
+    log_chance = limits.log_chance(hierarchy.mean, hierarchy.tau**2 + hierarchy.sd**2)
+    # the posterior of tau without the group is that with all, divided by what it says at each node
+    log_p = -logsumexp(hierarchy.log_weight[:, None] - log_chance, axis=0)
+    p = np.minimum(np.exp(log_p) * (hierarchy.y.size + limits.groups), 1.0)
+    return {row: float(p[k]) for k, rows in enumerate(limits.rows) for row in rows}
+
+
 def outlying_groups(hierarchy: NormalHierarchy) -> dict[int, float] | None:
     """Groups that are not of the population of the others.
 

@@ -42,23 +42,28 @@ class Limits:
         1 for a lower limit, -1 for an upper one.
     count : ndarray, (n,)
         How many groups each stands for.
+    rows : tuple of tuple of int
+        Which rows of the campaign's table they are.
     """
 
     place: Array
     width: Array
     side: Array
     count: Array
+    rows: tuple[tuple[int, ...], ...] = ()
 
     @classmethod
     def none(cls) -> Limits:
         """Of no group."""
-        return cls(*(np.empty(0) for _ in range(4)))
+        empty = np.empty(0)
+        return cls(empty, empty, empty, empty)
 
     @classmethod
     def of(cls, name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate) -> Limits:
         """Of the rows of a campaign's table in which a constant is one-sided."""
         found: list[tuple[float, float, float]] = []
-        for row in rows:
+        numbers: list[tuple[int, ...]] = []
+        for number, row in enumerate(rows):
             if row.get(f"{name}_status") != "one_sided":
                 continue
             has_value = row.get(name) is not None
@@ -72,10 +77,11 @@ class Limits:
             one, other = (float(ndtri(math.exp(-0.5 * z * z))) for z in (near, far))
             width = max(side * (near_end - far_end) / (one - other), _SHARPEST)
             found.append((near_end - side * width * one, width, side))
+            numbers.append((number,))
         if not found:
             return cls.none()
         place, width, side = np.array(found).T
-        return cls(place, width, side, np.ones(place.size)).together()
+        return cls(place, width, side, np.ones(place.size), tuple(numbers)).together()
 
     @property
     def groups(self) -> int:
@@ -84,7 +90,7 @@ class Limits:
 
     def together(self) -> Limits:
         """The same with neighbours taken together where there are very many."""
-        parts = []
+        parts, rows = [], []
         for side in (-1.0, 1.0):
             own = np.flatnonzero(self.side == side)
             order = own[np.argsort(self.place[own], kind="stable")]
@@ -92,7 +98,16 @@ class Limits:
                 count = float(self.count[few].sum())
                 place, width = ((self.count[few] * x[few]).sum() / count for x in (self.place, self.width))
                 parts.append((float(place), float(width), side, count))
-        return Limits(*np.array(parts).T) if parts else Limits.none()
+                rows.append(tuple(number for each in few.tolist() for number in self.rows[each]))
+        if not parts:
+            return Limits.none()
+        place, width, side_of, count_of = np.array(parts).T
+        return Limits(place, width, side_of, count_of, tuple(rows))
+
+    def log_chance(self, mean: Array, variance: Array) -> Array:
+        """Logarithm of the probability that normal laws over groups give each limit, (m, n)."""
+        spread = np.sqrt(variance[:, None] + self.width**2)
+        return np.asarray(log_ndtr(self.side * (mean[:, None] - self.place) / spread))
 
     def log_likelihood(self, mean: Array, variance: Array) -> tuple[Array, Array, Array]:
         """Of normal laws over groups: its logarithm, and its slope and bend by their means, (m,) each."""

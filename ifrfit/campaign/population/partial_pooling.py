@@ -19,10 +19,16 @@ from ifrfit.campaign.group_fit import FAILURE, KAPPA
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
-from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL, below_threshold, membership_p_values
+from ifrfit.campaign.population.leave_one_out import (
+    FEWEST_OF_SEVERAL,
+    below_threshold,
+    limit_p_values,
+    membership_p_values,
+)
 from ifrfit.campaign.population.limits import Limits, MostlyOpen
 from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.campaign.population.two_populations import TwoPopulations, two_populations
+from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -70,6 +76,8 @@ class Population:
     membership_p : ndarray, (n,), or None
         Of each group to lie so far from the others, times the number of groups; None where there are too few
         groups to look, see `ifrfit.campaign.population.leave_one_out`.
+    limit_p : mapping of int to float
+        The same of the groups that count as limits, by row.
     two : TwoPopulations or None
         What describes the groups better than one population.
     cut : tuple of CutByEnd
@@ -87,6 +95,7 @@ class Population:
     members: Quantiles = field(repr=False)
     shrinkage: Array = field(repr=False)
     membership_p: Array | None = field(default=None, repr=False)
+    limit_p: Mapping[int, float] = field(default_factory=dict, repr=False)
     two: TwoPopulations | None = None
     cut: tuple[CutByEnd, ...] = ()
 
@@ -95,7 +104,8 @@ class Population:
         """Rows that are not of the population of the others, by their p-values; None: not looked."""
         if self.membership_p is None:
             return None
-        return {int(self.groups[at]): p for at, p in below_threshold(self.membership_p).items()}
+        members = {int(self.groups[at]): p for at, p in below_threshold(self.membership_p).items()}
+        return members | {row: p for row, p in self.limit_p.items() if p < REFUTED}
 
     @property
     def medians_of_two(self) -> tuple[float, float]:
@@ -165,5 +175,6 @@ def _population(
         values(hierarchy.member_quantiles()),
         hierarchy.shrinkage(),
         membership_p_values(hierarchy),
+        limit_p_values(hierarchy),
         two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_SEVERAL else None,
     )

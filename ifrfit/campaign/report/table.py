@@ -40,7 +40,9 @@ def results_table(campaign: Campaign) -> pd.DataFrame:
             pooled[f"{each.name}_{tail}"] = pd.Series(getattr(each.members, part), index=each.groups)
         pooled[f"{each.name}_shrinkage"] = pd.Series(each.shrinkage, index=each.groups)
         if each.membership_p is not None:
-            pooled[f"{each.name}_membership_p"] = pd.Series(each.membership_p, index=each.groups)
+            members = pd.Series(each.membership_p, index=each.groups)
+            limits = pd.Series(each.limit_p, dtype=float)
+            pooled[f"{each.name}_membership_p"] = pd.concat([members, limits]) if limits.size else members
         if each.two is not None:
             pooled[f"{each.name}_upper_population"] = pd.Series(each.two.is_upper, index=each.groups)
     if any(each.membership_p is not None for each in campaign.populations):
