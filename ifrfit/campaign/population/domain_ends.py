@@ -98,16 +98,14 @@ def cuts_of(
     """
     found = []
     members = set(pooled.tolist())
-    for constant, end, shifts in ends:
+    for constant, end, every in ends:
+        # those that count as limits are not cut: their likelihood goes on to the end
+        shifts = {number: shift for number, shift in every.items() if number in members}
         if constant == name:
             total = sum(shifts.values())
         else:
             pair = correlation_column(constant, MU if name == KAPPA else name)
-            total = sum(
-                abs(rows[number].get(pair) or 0.0) * shift
-                for number, shift in shifts.items()
-                if number in members
-            )
+            total = sum(abs(rows[number].get(pair) or 0.0) * shift for number, shift in shifts.items())
         shift = total / math.sqrt(max(pooled.size, 1))
         if shift > SHIFT:
             found.append(CutByEnd(constant, end, len(shifts), shift))
