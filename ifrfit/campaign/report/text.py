@@ -24,7 +24,8 @@ def summary(campaign: Campaign) -> str:
             middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
             new = between(float(each.new.lo95), float(each.new.hi95))
             lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
-        lines += [f"  {said}" for said in (*cut_by_ends(campaign), *membership(campaign))]
+        said = (*cut_by_ends(campaign), *censored(campaign), *membership(campaign))
+        lines += [f"  {each}" for each in said]
     elif campaign.no_population:
         lines += ["", campaign.no_population]
     else:
@@ -113,6 +114,29 @@ def cut_by_ends(campaign: Campaign) -> list[str]:
         said.append(
             "Where groups are alike, fit their rows at once, as by fit without --by; or measure so closely "
             f"that no end matters; or fix {joined(list(of), 'or')} where it is known."
+        )
+    return said
+
+
+def censored(campaign: Campaign) -> list[str]:
+    """Groups that are not pooled and may have moved a population by that, by constant, and what to do."""
+    said, of = [], []
+    for found in campaign.populations:
+        if (each := found.censored) is None:
+            continue
+        counted = (each.above, "above"), (each.below, "below"), (each.two_sided, "to two sides")
+        sides = joined([f"{count} {side}" for count, side in counted if count])
+        off = "low" if each.shift > 0.0 else "high"
+        of.append(found.name)
+        said.append(
+            f"{found.name}: {each.groups} of {campaign.fitted} groups leave it open ({sides}) and are not "
+            f"pooled. Where its own value is why, the median group is too {off} by up to some "
+            f"{abs(each.shift):.1f} times its standard error, and groups differ by more."
+        )
+    if said:
+        said.append(
+            f"What is said of {joined(of)} is of the groups that determine it: measure the others so that "
+            "they do (mu: at angles at which they slide), or take it for these groups alone."
         )
     return said
 
