@@ -286,6 +286,23 @@ def test_groups_of_a_friction_so_high_that_nothing_slides_are_named(tmp_path):
     assert kept["e_n"]["censored_groups"] is None
 
 
+def test_a_constant_that_hardly_any_group_determines_is_said_to_have_no_population(tmp_path):
+    """Its row was not in the table, and nothing said why."""
+    lines = [
+        line
+        for place in range(6)
+        for line in lines_of(f"r{place}", place, e_n=0.9, c=-0.7, mu=0.15 if place < 2 else 4.0)
+    ]
+    path = tmp_path / "all.csv"
+    path.write_text("\n".join([f"run,{HEADER}", *lines]) + "\n", encoding="utf-8")
+    said = "mu: 2 of 6 groups determine it, and a population takes 3: none is made."
+    found = run(path, tmp_path / "out")
+    assert said in summary(found)
+    assert said in html.unescape(page(found))
+    fixed = summary(run(path, tmp_path / "fixed", model=Model(fix={"mu": 0.15})))
+    assert "mu: 0 of 6" not in fixed
+
+
 def test_of_three_groups_it_is_said_that_nothing_was_looked_at(tmp_path):
     found = run(campaign_file(tmp_path / "all.csv", runs=3), tmp_path / "out")
     assert (

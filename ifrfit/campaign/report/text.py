@@ -24,8 +24,7 @@ def summary(campaign: Campaign) -> str:
             middle = between(float(each.centre.lo95), float(each.centre.hi95), float(each.centre.median))
             new = between(float(each.new.lo95), float(each.new.hi95))
             lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {each.groups.size} of {campaign.fitted}")
-        said = (*cut_by_ends(campaign), *censored(campaign), *membership(campaign))
-        lines += [f"  {each}" for each in said]
+        lines += [f"  {each}" for each in remarks(campaign)]
     elif campaign.no_population:
         lines += ["", campaign.no_population]
     else:
@@ -69,6 +68,16 @@ def warnings(campaign: Campaign) -> list[str]:
     return said
 
 
+def remarks(campaign: Campaign) -> list[str]:
+    """What must be known beside the numbers of the populations."""
+    return [
+        *without_population(campaign),
+        *cut_by_ends(campaign),
+        *censored(campaign),
+        *membership(campaign),
+    ]
+
+
 def membership(campaign: Campaign) -> list[str]:
     """Groups that are not of one population, by constant, and where that was not looked for."""
     two = [_two(each) for each in campaign.populations if each.two is not None]
@@ -96,6 +105,21 @@ def membership(campaign: Campaign) -> list[str]:
         said.append(
             f"Whether the groups are of one population in {joined(few)} cannot be told from {FEWEST} groups."
         )
+    return said
+
+
+def without_population(campaign: Campaign) -> list[str]:
+    """Constants that are left open in so many groups that nothing is pooled, where others are."""
+    pooled = {each.name for each in campaign.populations}
+    statuses = dict.fromkeys(column for row in campaign.rows for column in row if column.endswith("_status"))
+    said = []
+    for column in statuses if pooled else ():
+        found = Counter(row.get(column) for row in campaign.rows)
+        if (name := column.removesuffix("_status")) not in pooled and "fixed" not in found:
+            said.append(
+                f"{name}: {found['determined']} of {campaign.fitted} groups determine it, and a population "
+                f"takes {FEWEST}: none is made."
+            )
     return said
 
 
