@@ -1,7 +1,12 @@
 """How often the intervals of a campaign's population hold the truth: campaigns drawn anew, read from files.
 
-Each campaign draws its population (medians over the passive range, spread `TAUS` in the coordinate), ten
-groups of it, and twelve impacts of each with known errors. Prints a table in Markdown.
+Each campaign draws its population (medians over the passive range, spread `TAUS` in the coordinate), the
+groups of its `Scene`, and twelve impacts of each with known errors. Prints a table in Markdown: how many
+populations there are, per cent of the intervals of 95 % that hold the truth, of medians also where nothing is
+said of the constant (ends that cut, groups that leave it open, odd groups, two populations), and per cent of
+the groups that are pooled. Bold is what is short.
+
+    python scripts/calibrate_campaign.py 500 ten angles glass hundred
 """
 
 from __future__ import annotations
@@ -9,7 +14,9 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +26,58 @@ from ifrfit.campaign.run import run_campaign
 from ifrfit.physics import OBSERVABLES, rebound
 
 TAUS = (0.0, 0.1, 0.3, 1.0)
-GROUPS, IMPACTS, SIGMA = 10, 12, 0.03
+LEVEL, ERRORS = 0.95, 3.0  # a share is short where it is lower by more than so many standard errors
+IMPACTS, SIGMA = 12, 0.03
+ANGLES, LOW = (3.0, 80.0), (3.0, 45.0)  # degrees
+NAMES = ("e_n", "e_t", "mu")
+KINDS = (
+    "median group",
+    "median, nothing said",
+    "new group",
+    "group, pooled",
+    "group, alone",
+    "groups pooled",
+)
 HEADER = "run,gamma_deg,beta,e_n,sigma_beta,sigma_e_n"
+Range = tuple[float, float]
+Counts = tuple[int, int]  # how many hold, of how many
 
 
-def drawn(rng: np.random.Generator, tau: float) -> tuple[dict[str, float], list[dict[str, float]]]:
-    """Constants of the median group, and of each group."""
-    middle = np.array([rng.uniform(0.5, 3.0), rng.uniform(-1.0, 1.5), rng.uniform(-2.5, -1.2)])
-    each = middle + tau * rng.standard_normal((GROUPS + 1, 3))
+@dataclass(frozen=True)
+class Scene:
+    """What campaigns are drawn.
+
+    Attributes
+    ----------
+    groups : int
+    grip : (float, float)
+        Median of the logit of (e_t + 1) / 0.6, drawn uniformly.
+    low : float
+        Share of the groups whose angles end at 45 degrees, which may leave mu open.
+    share : float
+        Of the campaigns that are asked for.
+    """
+
+    groups: int = 10
+    grip: Range = (-1.0, 1.5)
+    low: float = 0.0
+    share: float = 1.0
+
+
+SCENES = {
+    "ten": Scene(),
+    "angles": Scene(low=0.5),
+    "glass": Scene(grip=(-4.5, -2.0)),
+    "hundred": Scene(groups=100, share=0.4),
+}
+
+
+def drawn(
+    rng: np.random.Generator, tau: float, scene: Scene
+) -> tuple[dict[str, float], list[dict[str, float]]]:
+    """Constants of the median group, and of each group and one more."""
+    middle = np.array([rng.uniform(0.5, 3.0), rng.uniform(*scene.grip), rng.uniform(-2.5, -1.2)])
+    each = middle + tau * rng.standard_normal((scene.groups + 1, 3))
 
     def constants(y: np.ndarray) -> dict[str, float]:
         return {
@@ -38,11 +89,11 @@ def drawn(rng: np.random.Generator, tau: float) -> tuple[dict[str, float], list[
     return constants(middle), [constants(y) for y in each]
 
 
-def write(path: Path, groups: list[dict[str, float]], rng: np.random.Generator) -> None:
+def write(path: Path, groups: list[dict[str, float]], rng: np.random.Generator, scene: Scene) -> None:
     """A table of impacts of the groups."""
     lines = [HEADER]
     for number, own in enumerate(groups):
-        gamma = rng.uniform(3.0, 80.0, IMPACTS)
+        gamma = rng.uniform(*(LOW if number < scene.low * len(groups) else ANGLES), IMPACTS)
         state = rebound(gamma, degrees=True, **own)
         beta = OBSERVABLES["beta"].value(state, np.asarray(own["mu"])) + SIGMA * rng.standard_normal(IMPACTS)
         e_n = own["e_n"] + SIGMA * rng.standard_normal(IMPACTS)
@@ -51,40 +102,61 @@ def write(path: Path, groups: list[dict[str, float]], rng: np.random.Generator) 
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def intervals(rng: np.random.Generator, tau: float) -> Iterator[tuple[tuple[str, str], bool]]:
-    """Whether each interval of 95 % of one campaign holds the truth, by constant and kind of interval."""
-    middle, groups = drawn(rng, tau)
+def intervals(rng: np.random.Generator, tau: float, scene: Scene) -> Iterator[tuple[tuple[str, str], Counts]]:
+    """How many intervals of 95 % of one campaign hold the truth, by constant and kind of interval."""
+    middle, groups = drawn(rng, tau, scene)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "impacts.csv"
-        write(path, groups[:-1], rng)
+        write(path, groups[:-1], rng, scene)
         found, _ = run_campaign([path], ["run"], Path(folder) / "out", lambda _: [], facts=False)
     for each in found.populations:
-        name = each.name
+        name, n = each.name, each.groups.size
         if name not in middle:
             continue
-        yield (name, "centre"), bool(each.centre.lo95 <= middle[name] <= each.centre.hi95)
-        yield (name, "new"), bool(each.new.lo95 <= groups[-1][name] <= each.new.hi95)
-        for place, at in enumerate(each.groups):
-            truth, row = groups[int(found.keys[at][0])][name], found.rows[at]
-            yield (name, "pooled"), bool(each.members.lo95[place] <= truth <= each.members.hi95[place])
-            yield (name, "alone"), bool(row[f"{name}_lo95"] <= truth <= row[f"{name}_hi95"])
+        centre, new, members = each.centre, each.new, each.members
+        truth = np.array([groups[int(found.keys[at][0])][name] for at in each.groups])
+        low, high = (
+            np.array([found.rows[at][f"{name}_{end}95"] for at in each.groups]) for end in ("lo", "hi")
+        )
+        median = int(centre.lo95 <= middle[name] <= centre.hi95)
+        yield (name, "median group"), (median, 1)
+        if not (each.cut or each.censored or each.outlying or each.two):
+            yield (name, "median, nothing said"), (median, 1)
+        yield (name, "new group"), (int(new.lo95 <= groups[-1][name] <= new.hi95), 1)
+        yield (name, "group, pooled"), (int(((members.lo95 <= truth) & (truth <= members.hi95)).sum()), n)
+        yield (name, "group, alone"), (int(((low <= truth) & (truth <= high)).sum()), n)
+        yield (name, "groups pooled"), (n, n + each.left_out)
 
 
-def main(campaigns: int) -> None:
-    """Print the shares, with the number of intervals behind each."""
-    rng = np.random.default_rng(20260)
-    print("| sd over groups | constant | median group | new group | group, pooled | group, alone |")
-    print("|---|---|---|---|---|---|")
-    for tau in TAUS:
-        held: dict[tuple[str, str], list[bool]] = {}
-        for _ in range(campaigns):
-            for what, inside in intervals(rng, tau):
-                held.setdefault(what, []).append(inside)
-        for name in ("e_n", "e_t", "mu"):
-            shares = (held[name, what] for what in ("centre", "new", "pooled", "alone"))
-            cells = " | ".join(f"{sum(each)} of {len(each)}" for each in shares)
-            print(f"| {tau:g} | {name} | {cells} |", flush=True)
+def percentage(counts: Sequence[Counts], *, of_intervals: bool) -> str:
+    """The share in per cent, bold where short by what campaigns scatter (one interval in each: binomial)."""
+    if not counts:
+        return ""
+    hold, n = np.array(counts, dtype=float).T
+    share = hold.sum() / n.sum()
+    error = math.sqrt(((hold - share * n) ** 2).sum()) / n.sum()
+    said = f"{100.0 * share:.1f}"
+    return f"**{said}**" if of_intervals and share < LEVEL - ERRORS * error else said
+
+
+def main(campaigns: int, scenes: Sequence[str]) -> None:
+    """Print the shares, with the number of populations behind each."""
+    print(f"| campaigns | sd over groups | constant | populations | {' | '.join(KINDS)} |")
+    print(f"|---|---|---|---|{'---|' * len(KINDS)}")
+    for scene in scenes:
+        rng = np.random.default_rng((20260, *scene.encode()))
+        for tau in TAUS:
+            seen: dict[tuple[str, str], list[Counts]] = defaultdict(list)
+            for _ in range(round(campaigns * SCENES[scene].share)):
+                for what, counts in intervals(rng, tau, SCENES[scene]):
+                    seen[what].append(counts)
+            for name in NAMES:
+                cells = [percentage(seen[name, kind], of_intervals=kind != KINDS[-1]) for kind in KINDS]
+                silent = len(seen[name, KINDS[1]])
+                cells[1] += f" of {silent}" if silent else "-"
+                populations = len(seen[name, KINDS[0]])
+                print(f"| {scene} | {tau:g} | {name} | {populations} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100, sys.argv[2:] or list(SCENES))

@@ -38,11 +38,11 @@ ERROR = 1 / 3
 
 def false_alarms(rng: np.random.Generator, tau: float) -> Counter[str]:
     """What one campaign of one population named: populations looked at, groups in them, alarms."""
-    campaigns.GROUPS = round(float(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST)))))
-    _, groups = campaigns.drawn(rng, tau)
+    scene = campaigns.Scene(groups=round(float(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))))
+    _, groups = campaigns.drawn(rng, tau, scene)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "impacts.csv"
-        campaigns.write(path, groups[:-1], rng)
+        campaigns.write(path, groups[:-1], rng, scene)
         found, _ = run_campaign([path], ["run"], Path(folder) / "out", lambda _: [], facts=False)
     seen = [each for each in found.populations if each.outlying is not None]
     return Counter(

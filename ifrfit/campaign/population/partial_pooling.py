@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
+from ifrfit.campaign.population.censored_groups import CensoredGroups, censored_groups
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
@@ -82,6 +83,8 @@ class Population:
         What describes the groups better than one population.
     cut : tuple of CutByEnd
         Ends of domains that may have moved it.
+    censored : CensoredGroups or None
+        Groups left out that may have moved it.
     """
 
     name: str
@@ -98,6 +101,7 @@ class Population:
     limit_p: Mapping[int, float] = field(default_factory=dict, repr=False)
     two: TwoPopulations | None = None
     cut: tuple[CutByEnd, ...] = ()
+    censored: CensoredGroups | None = None
 
     @property
     def outlying(self) -> dict[int, float] | None:
@@ -159,6 +163,8 @@ def _population(
     if groups.size < FEWEST:
         return None
     hierarchy = NormalHierarchy.of(mean[groups], sd[groups], limits)
+    known = {*groups.tolist(), *(number for each in limits.rows for number in each)}
+    left_out = [rows[number] for number in fitted if number not in known]
 
     def values(five: Array, to: Callable[[Array], Array] = by.back) -> Quantiles:
         return Quantiles.of(to(five))
@@ -168,7 +174,7 @@ def _population(
         by,
         groups,
         limits.groups,
-        len(fitted) - groups.size - limits.groups,
+        len(left_out),
         values(hierarchy.centre_quantiles()),
         values(hierarchy.new_quantiles()),
         values(hierarchy.tau_quantiles(), np.asarray),
@@ -177,4 +183,5 @@ def _population(
         membership_p_values(hierarchy),
         limit_p_values(hierarchy),
         two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_SEVERAL else None,
+        censored=censored_groups(name, by, left_out, hierarchy),
     )

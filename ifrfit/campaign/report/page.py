@@ -8,7 +8,7 @@ import numpy as np
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row
 from ifrfit.campaign.population.partial_pooling import Population
-from ifrfit.campaign.report.text import between, counts, cut_by_ends, membership, mostly_open, warnings
+from ifrfit.campaign.report.text import between, counts, remarks, warnings
 from ifrfit.campaign.run import EMPTY, Campaign, label
 from ifrfit.report.axis_words import shortened, symbol
 from ifrfit.report.page.blocks import Picture
@@ -57,7 +57,7 @@ def page(campaign: Campaign) -> str:
         title="Campaign",
         counts=counts(campaign),
         warnings=warnings(campaign),
-        membership=[*mostly_open(campaign), *cut_by_ends(campaign), *membership(campaign)],
+        membership=remarks(campaign),
         no_population=campaign.no_population,
         population=[_population_row(each) for each in campaign.populations],
         pictures=[_picture(campaign, each, number) for number, each in enumerate(campaign.populations, 1)],

@@ -26,8 +26,7 @@ def summary(campaign: Campaign) -> str:
             limits = f", {each.limits} as limits" if each.limits else ""
             pooled = f"{each.groups.size} of {campaign.fitted}{limits}"
             lines.append(f"{each.name:10} {middle:>22}   {new:>20}   {pooled}")
-        said = (*mostly_open(campaign), *cut_by_ends(campaign), *membership(campaign))
-        lines += [f"  {each}" for each in said]
+        lines += [f"  {each}" for each in remarks(campaign)]
     elif campaign.no_population:
         lines += ["", campaign.no_population]
     else:
@@ -72,6 +71,17 @@ def warnings(campaign: Campaign) -> list[str]:
     return said
 
 
+def remarks(campaign: Campaign) -> list[str]:
+    """What must be known beside the numbers of the populations."""
+    return [
+        *mostly_open(campaign),
+        *without_population(campaign),
+        *cut_by_ends(campaign),
+        *censored(campaign),
+        *membership(campaign),
+    ]
+
+
 def membership(campaign: Campaign) -> list[str]:
     """Groups that are not of one population, by constant, and where that was not looked for."""
     two = [_two(each) for each in campaign.populations if each.two is not None]
@@ -111,6 +121,23 @@ def mostly_open(campaign: Campaign) -> list[str]:
     ]
 
 
+def without_population(campaign: Campaign) -> list[str]:
+    """Constants that are left open in so many groups that nothing is pooled, where others are."""
+    pooled = {each.name for each in campaign.populations}
+    said_already = {each.name for each in campaign.mostly_open}
+    statuses = dict.fromkeys(column for row in campaign.rows for column in row if column.endswith("_status"))
+    said = []
+    for column in statuses if pooled else ():
+        found = Counter(row.get(column) for row in campaign.rows)
+        name = column.removesuffix("_status")
+        if name not in pooled | said_already and "fixed" not in found:
+            said.append(
+                f"{name}: {found['determined']} of {campaign.fitted} groups determine it, and a population "
+                f"takes {FEWEST}: none is made."
+            )
+    return said
+
+
 def cut_by_ends(campaign: Campaign) -> list[str]:
     """Ends of domains that may have moved a population, by constant, and what to do."""
     said, of = [], dict.fromkeys(each.constant for found in campaign.populations for each in found.cut)
@@ -126,6 +153,29 @@ def cut_by_ends(campaign: Campaign) -> list[str]:
         said.append(
             "Where groups are alike, fit their rows at once, as by fit without --by; or measure so closely "
             f"that no end matters; or fix {joined(list(of), 'or')} where it is known."
+        )
+    return said
+
+
+def censored(campaign: Campaign) -> list[str]:
+    """Groups that are not pooled and may have moved a population by that, by constant, and what to do."""
+    said, of = [], []
+    for found in campaign.populations:
+        if (each := found.censored) is None:
+            continue
+        counted = (each.above, "above"), (each.below, "below"), (each.two_sided, "to two sides")
+        sides = joined([f"{count} {side}" for count, side in counted if count])
+        off = "low" if each.shift > 0.0 else "high"
+        of.append(found.name)
+        said.append(
+            f"{found.name}: {each.groups} of {campaign.fitted} groups leave it open ({sides}) and are not "
+            f"pooled. Where its own value is why, the median group is too {off} by up to some "
+            f"{abs(each.shift):.1f} times its standard error, and groups differ by more."
+        )
+    if said:
+        said.append(
+            f"What is said of {joined(of)} is of the groups that determine it: measure the others so that "
+            "they do (mu: at angles at which they slide), or take it for these groups alone."
         )
     return said
 
