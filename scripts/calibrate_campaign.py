@@ -1,10 +1,10 @@
 """How often the intervals of a campaign's population hold the truth: campaigns drawn anew, read from files.
 
 Each campaign draws its population (medians over the passive range, spread `TAUS` in the coordinate), the
-groups of its `Scene`, and twelve impacts of each with known errors. Prints a table in Markdown: how many
-populations there are, per cent of the intervals of 95 % that hold the truth, of medians also where nothing is
-said of the constant (ends that cut, groups that leave it open, odd groups, two populations), and per cent of
-the groups that are pooled. Bold is what is short.
+groups of its `Scene`, and twelve impacts of each with known errors. Prints a table in Markdown, of e_n, e_t
+and mu: how many populations there are, per cent of the intervals of 95 % that hold the truth, of medians also
+where nothing is said of the constant (ends that cut, groups that leave it open, odd groups, two populations),
+and per cent of the groups that are pooled. Bold is what is short.
 
     python scripts/calibrate_campaign.py 500 ten angles glass hundred
 """
@@ -125,13 +125,13 @@ def intervals(rng: np.random.Generator, tau: float, scene: Scene) -> Iterator[tu
         yield (name, "new group"), (int(new.lo95 <= groups[-1][name] <= new.hi95), 1)
         yield (name, "group, pooled"), (int(((members.lo95 <= truth) & (truth <= members.hi95)).sum()), n)
         yield (name, "group, alone"), (int(((low <= truth) & (truth <= high)).sum()), n)
-        yield (name, "groups pooled"), (n, n + each.left_out)
+        yield (name, "groups pooled"), (n, n + each.limits + each.left_out)
 
 
 def percentage(counts: Sequence[Counts], *, of_intervals: bool) -> str:
     """The share in per cent, bold where short by what campaigns scatter (one interval in each: binomial)."""
     if not counts:
-        return ""
+        return "-"
     hold, n = np.array(counts, dtype=float).T
     share = hold.sum() / n.sum()
     error = math.sqrt(((hold - share * n) ** 2).sum()) / n.sum()
@@ -140,9 +140,9 @@ def percentage(counts: Sequence[Counts], *, of_intervals: bool) -> str:
 
 
 def main(campaigns: int, scenes: Sequence[str]) -> None:
-    """Print the shares, with the number of populations behind each."""
-    print(f"| campaigns | sd over groups | constant | populations | {' | '.join(KINDS)} |")
-    print(f"|---|---|---|---|{'---|' * len(KINDS)}")
+    """Print the shares of e_n, e_t and mu, with the number of populations behind each."""
+    print(f"| campaigns | sd over groups | populations | {' | '.join(KINDS)} |")
+    print(f"|---|---|---|{'---|' * len(KINDS)}")
     for scene in scenes:
         rng = np.random.default_rng((20260, *scene.encode()))
         for tau in TAUS:
@@ -150,12 +150,15 @@ def main(campaigns: int, scenes: Sequence[str]) -> None:
             for _ in range(round(campaigns * SCENES[scene].share)):
                 for what, counts in intervals(rng, tau, SCENES[scene]):
                     seen[what].append(counts)
-            for name in NAMES:
-                cells = [percentage(seen[name, kind], of_intervals=kind != KINDS[-1]) for kind in KINDS]
-                silent = len(seen[name, KINDS[1]])
-                cells[1] += f" of {silent}" if silent else "-"
-                populations = len(seen[name, KINDS[0]])
-                print(f"| {scene} | {tau:g} | {name} | {populations} | {' | '.join(cells)} |", flush=True)
+            cells = [", ".join(str(len(seen[name, KINDS[0]])) for name in NAMES)]
+            for kind in KINDS:
+                shares = [
+                    percentage(seen[name, kind], of_intervals=kind != KINDS[-1])
+                    + (f" of {len(seen[name, kind])}" if kind == KINDS[1] else "")
+                    for name in NAMES
+                ]
+                cells.append(", ".join(shares))
+            print(f"| {scene} | {tau:g} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":
