@@ -149,6 +149,8 @@ class SlidingCells:
             min(max(self._end(cell, side, edge, float(bare[cell]), c), float(low[cell])), float(high[cell]))
             for cell, side in ((first, -1.0), (last, 1.0))
         ]
+        if not ends[0] < ends[1]:  # as where a best mu lies beyond the end of its domain
+            return None
         return Region(ends[0] + self.reference, ends[1] + self.reference, sd)
 
     def _edge(self, rise: float) -> float:

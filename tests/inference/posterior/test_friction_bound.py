@@ -6,6 +6,7 @@ import copy
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,6 +22,7 @@ from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, integrate
 from ifrfit.inference.posterior.transition_quadrature import TransitionPosterior, transition_posterior
+from ifrfit.physics import OBSERVABLES, rebound
 from ifrfit.physics.closures import get_closure
 
 J = 0.4
@@ -227,3 +229,19 @@ def test_a_bound_far_below_what_the_data_say_is_left_to_the_general_integral():
     rows = measured("beta", (20.0, 40.0, 60.0, 75.0), seed=4, sigma=0.01, mu=0.3)
     problem = Question((*rows, Row("e_n", 5.0, 0.9, 0.01)), bounds={"mu": (0.0, 0.2)}).problem()
     assert transition_posterior(problem, 1e-4, least_squares(problem)) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_best_friction_beyond_the_end_of_its_prior(seed):
+    """There the region of kappa may be empty: it was a number of panels below zero."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.uniform(40.0, 87.0, 15)
+    state = rebound(gamma, 0.0, 0.0, degrees=True, e_n=0.5, e_t=-0.6, mu=rng.uniform(2.5, 6.0))
+    table = pd.DataFrame({"gamma_deg": gamma})
+    table["beta"] = OBSERVABLES["beta"].value(state, np.full(15, 0.3)) + 0.03 * rng.standard_normal(15)
+    table = table.assign(e_n=0.5 + 0.02 * rng.standard_normal(15), sigma_beta=0.03, sigma_e_n=0.02)
+    found, other = ifrfit.fit(table), ifrfit.fit(table, method=ifrfit.Exact(integrator="quadrature"))
+    for name, one in found.constants.items():
+        expected = other.constants[name]
+        assert one.status == expected.status
+        assert one.mean == pytest.approx(expected.mean, abs=1e-3 * (expected.stderr or 1.0))
