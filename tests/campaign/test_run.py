@@ -247,7 +247,7 @@ def test_a_group_of_another_population_is_named(tmp_path):
 
 
 def test_an_end_of_a_domain_that_cuts_in_every_group_is_named(tmp_path):
-    """Of 100 equal groups of e_t = -0.975 and errors of 0.05 mu was 2.0 standard errors low, without a word."""
+    """Of 100 equal groups of e_t = -0.975, errors of 0.05, mu was 2.0 standard errors low, without a word."""
     lines = [line for place in range(30) for line in lines_of(f"r{place}", place, e_n=0.9, c=-0.985, mu=0.15)]
     path = tmp_path / "all.csv"
     path.write_text("\n".join([f"run,{HEADER}", *lines]) + "\n", encoding="utf-8")
