@@ -18,6 +18,7 @@ from ifrfit._version import __version__
 from ifrfit.errors import UsageError
 from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.workers.worker_processes import (
+    a_process_died,
     could_not_start,
     end_at_once,
     register,
@@ -99,7 +100,11 @@ class Processes:
 
     def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
         """See `Crew`; a process that dies is started anew."""
-        return wait(given, return_when=FIRST_COMPLETED).done
+        while not (done := wait(given, timeout=_LOOK_EVERY, return_when=FIRST_COMPLETED).done):
+            # the thread of the pool waits for the rest of an answer of one that died within it, without end
+            if self._pool is not None and a_process_died(self._pool):
+                end_at_once(self._pool, self._others)
+        return done
 
     def result(self, future: Future[R]) -> R:
         """See `Crew`."""

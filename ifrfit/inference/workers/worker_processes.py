@@ -75,6 +75,12 @@ def interrupts_deferred() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def a_process_died(pool: Executor) -> bool:
+    """Whether a process of the pool has ended, which none does by itself."""
+    processes: dict[int, BaseProcess] = getattr(pool, "_processes", None) or {}
+    return not all(process.is_alive() for process in list(processes.values()))
+
+
 def end_at_once(pool: Executor, others: Collection[BaseProcess]) -> None:
     """End the processes that this one started, whatever they are at, but for some others."""
     for child in active_children():

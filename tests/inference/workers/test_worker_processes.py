@@ -6,7 +6,7 @@ import multiprocessing
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from refusals import refused
 import ifrfit
 from ifrfit import MCMC, Bootstrap, UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS
+from ifrfit.inference.workers.crews import CrewDiedError, Processes
 from ifrfit.inference.workers.worker_processes import end_at_once, start_processes, worker_processes
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
@@ -112,3 +113,29 @@ def test_processes_that_are_ended_while_they_answer_hold_up_nobody() -> None:
     ended.start()
     ended.join(20.0)
     assert not ended.is_alive()
+
+
+def long_answers(items: Sequence[int]) -> list[bytes]:
+    return [long_answer() for _ in items]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+def test_a_process_that_is_killed_while_it_answers_is_noticed() -> None:
+    """The thread of the pool waited for the rest of the answer without end, and the campaign with it."""
+    crew = Processes(1)
+    answer = crew.submit(long_answers, [1])
+    pool = crew._pool
+    assert pool is not None
+    while not (is_reading(pool) or answer.done()):
+        time.sleep(1e-3)
+    assert not answer.done()
+    for process in pool._processes.values():
+        process.kill()
+    waiting = threading.Thread(target=crew.first_done, args=([answer],), daemon=True)
+    waiting.start()
+    waiting.join(20.0)
+    if waiting.is_alive():
+        crew.end_at_once()
+        pytest.fail("nothing was noticed")
+    with pytest.raises(CrewDiedError):
+        crew.result(answer)
