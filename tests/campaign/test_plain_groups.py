@@ -287,3 +287,46 @@ def test_the_scenes_leave_constants_open(tmp_path):
         found = plain_rows(question(), files, groups).values()
         statuses += [row[f"{name}_status"] for row in found for name in ("e_t", "mu")]
     assert {"determined", "one_sided", "not_determined"} <= set(statuses)
+
+
+@pytest.mark.parametrize("half_width", [0.0, 0.004, 0.1, 0.3, 1.0])
+def test_angles_that_lie_close_together(tmp_path, half_width):
+    """There the constant is known far better given kappa than by itself, or chi2 is a valley.
+
+    Its law was a staircase of nodes, and a value called determined lay outside its own interval.
+    """
+    rng = np.random.default_rng(11)
+    parts = []
+    for group in range(24):
+        sigma = np.exp(rng.uniform(np.log(3e-5), np.log(1e-2)))
+        truth = {"e_n": rng.uniform(0.5, 0.9), "e_t": rng.uniform(-0.9, -0.45), "mu": rng.uniform(0.1, 0.4)}
+        gamma = rng.uniform(30.0, 60.0) + half_width * rng.uniform(-1.0, 1.0, 12)
+        state = rebound(gamma, 0.0, 0.0, degrees=True, **truth)
+        beta = OBSERVABLES["beta"].value(state, np.full(12, truth["mu"])) + sigma * rng.standard_normal(12)
+        e_n = truth["e_n"] + sigma * rng.standard_normal(12)
+        columns = {"run": f"r{group}", "gamma_deg": gamma, "beta": beta, "e_n": e_n}
+        parts.append(pd.DataFrame(columns | {"sigma_beta": sigma, "sigma_e_n": sigma}))
+    files, groups = read(tmp_path, pd.concat(parts, ignore_index=True))
+    for place, row in plain_rows(question(), files, groups).items():
+        assert_alike(row, fit_group(question(), files, groups[place]))
+        for name in ("e_n", "e_t", "mu"):
+            if row[name] is not None:
+                assert row[f"{name}_lo95"] <= row[name] <= row[f"{name}_hi95"]
+
+
+def test_an_impossible_reading_fails_its_own_group_alone(tmp_path):
+    """It was an internal error that ended the whole campaign."""
+    table = table_of(6)
+    table.loc[table.index[table["run"] == "r2"][0], "e_n"] = -0.3
+    files, groups = read(tmp_path, table)
+    rows = fit_groups(question(), files, groups)
+    assert "-0.3 is impossible for e_n" in rows[2][FAILURE]
+    assert sum(not row[FAILURE] for row in rows) == 5
+
+
+def test_groups_without_noise(tmp_path):
+    """chi2 was some 1e-9 below zero there, and its p-value not a number."""
+    files, groups = read(tmp_path, table_of(20, sigma=0.0).assign(sigma_beta=0.02, sigma_e_n=0.02))
+    found = plain_rows(question(), files, groups)
+    assert len(found) >= 5
+    assert all(row["chi2"] >= 0.0 and row["p_value"] == pytest.approx(1.0) for row in found.values())

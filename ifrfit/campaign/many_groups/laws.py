@@ -26,7 +26,7 @@ _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
 _E_SPAN = 6.5  # sd of e_n on either side
 _STEPS = 20
 _CLOSE = 1e-5  # error of a probability from which one more step leaves no more than its square
-_SMALL = 1e-11  # mass of a node over the largest
+_SMALL, _COUNTS = 1e-11, 1e-6  # mass of a node over the largest: left out, and looked at
 
 
 class GroupLaw(OfGroups, ABC):
@@ -56,10 +56,12 @@ class GroupLaw(OfGroups, ABC):
             low, high = np.where(miss < 0.0, x, low), np.where(miss > 0.0, x, high)
             with np.errstate(divide="ignore", invalid="ignore"):  # a step without end is not taken
                 step = x - miss / density
-            step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+            is_inside = (step >= low) & (step <= high)
             is_close = np.abs(miss) < _CLOSE
             # what is there stays, whatever other levels need
-            found[pending] = np.where(is_close & np.isnan(found[pending]), step, found[pending])
+            there = np.where(is_inside, step, x)
+            found[pending] = np.where(is_close & np.isnan(found[pending]), there, found[pending])
+            step = np.where(is_inside, step, 0.5 * (low + high))
             left = np.flatnonzero((~is_close & ~np.isnan(miss)).any(axis=1))
             if not left.size:
                 break
@@ -190,6 +192,17 @@ class ConstantLaw(GroupLaw):
         outside = (x < self.low[:, None]) | (x > self.high[:, None])
         density = np.cumsum(density, axis=2)[:, :, -1] / math.sqrt(2.0 * math.pi)
         return share, np.where(outside, 0.0, density)
+
+    @property
+    def widest_step(self) -> Array:
+        """Largest distance of the middles of neighbouring nodes that count, in widths, (groups,).
+
+        The distribution function is smooth where it is small, and a staircase where it is large.
+        """
+        masses = self.node_masses
+        counts = masses > _COUNTS * masses.max(axis=1, keepdims=True)
+        step = np.abs(np.diff(self.middle, axis=1)) / np.minimum(self.width[:, 1:], self.width[:, :-1])
+        return np.asarray(np.where(counts[:, 1:] & counts[:, :-1], step, 0.0).max(axis=1))
 
     def without_small_ones(self) -> ConstantLaw:
         """The same less nodes that stand for next to nothing, those that are left first."""

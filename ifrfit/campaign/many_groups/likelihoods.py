@@ -15,7 +15,7 @@ from ifrfit.campaign.many_groups.kappa_support import KappaSupport
 from ifrfit.campaign.many_groups.of_groups import OfGroups
 from ifrfit.campaign.many_groups.profiles import LIMITS, GroupProfiles
 from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
-from ifrfit.campaign.many_groups.values import Restitution, Tangential
+from ifrfit.campaign.many_groups.values import Restitution, Tangential, total
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.profile.intervals import marginal_of_profile
 from ifrfit.inference.result.types import Estimate
@@ -41,6 +41,8 @@ class GroupLikelihoods(OfGroups):
     e_n : Restitution
     support : KappaSupport
     curvature : Curvature
+    chi2 : ndarray, (groups,)
+        Of all values at the optimum, from their residuals: sums of squares lose digits that it has.
     domains : tuple of Domain
         Of e_n, the closure constant, mu and kappa.
     """
@@ -50,6 +52,7 @@ class GroupLikelihoods(OfGroups):
     e_n: Restitution
     support: KappaSupport
     curvature: Curvature
+    chi2: Array
     domains: tuple[Domain, ...]
 
     @classmethod
@@ -63,7 +66,10 @@ class GroupLikelihoods(OfGroups):
             optima = sets.minima(own)
             support = KappaSupport.of(sets, optima, own, domains[KAPPA].prior_upper)
             curvature = Curvature.of(optima, e_n, domains)
-        return cls(sets, optima, e_n, support, curvature, tuple(domains))
+            friction = np.minimum(law.b0, optima.kappa[:, None] / tangential.tau)
+            left = tangential.factor - (law.a0 + law.a1 * optima.constant[:, None] + friction)
+            chi2 = total(tangential.weight * left**2) + e_n.chi2
+        return cls(sets, optima, e_n, support, curvature, chi2, tuple(domains))
 
     @property
     def own(self) -> tuple[float, float]:

@@ -139,7 +139,8 @@ def _rows(
     oblique = _oblique(layout, stream)
     if oblique is None:
         return {}
-    batch, usable = stream.impacts_of(layout, np.zeros(len(layout.cells), dtype=np.intp), Tally())
+    tally = Tally(series=[""])  # groups of several series are none of these
+    batch, usable = stream.impacts_of(layout, np.zeros(len(layout.cells), dtype=np.intp), tally)
     own = np.repeat(np.arange(len(alike)), [len(table) for table in tables])
     clean = np.bincount(own, ~usable, minlength=len(alike)) == 0
     domains = _domains(model, inertia)
@@ -275,5 +276,5 @@ def _row(
         row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
     # where every impact sticks kappa takes no degree of freedom
     dof = n - int(likelihoods.curvature.is_finite[k, :_FREE].sum())
-    chi2 = float(likelihoods.optima.chi2[k] + likelihoods.e_n.chi2[k])
+    chi2 = float(likelihoods.chi2[k])
     return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}

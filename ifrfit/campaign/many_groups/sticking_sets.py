@@ -23,6 +23,7 @@ Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
+_ILL = 1e-4  # of the same: below, as where all impacts slide at one angle, chi2 is a valley with a flat floor
 # of chi2 above the best within which another optimum counts: surely, and perhaps
 _RIVALS = (3.84 - 1e-6, 4.0)
 _SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, and what is one of them
@@ -119,7 +120,7 @@ class GroupOptima(OfGroups):
         describe the data nearly as well. Infinite for kappa where that is so of the set in which every
         impact sticks.
     is_unique : ndarray of bool, (groups,)
-        Whether no other optimum is as good.
+        Whether no other optimum is as good, nor a whole valley.
     least, places : ndarray, (groups, most + 1)
         The least of each set, and its kappa.
     """
@@ -163,6 +164,9 @@ class GroupOptima(OfGroups):
             found[0] = np.where(near[groups, sets.count], np.inf, found[0])
             return np.array(found)
 
+        a, b, c = sets.coefficients[3:]
+        slides = np.arange(least.shape[1]) < sets.count[:, None]
+        is_valley = (slides & (rise <= _RIVALS[1]) & (4.0 * a * c - b * b < _ILL * 4.0 * a * c)).any(axis=1)
         every_sticks, same = sticking >= sets.count, distances(_SAME)
         return cls(
             chi2=chi2,
@@ -173,7 +177,7 @@ class GroupOptima(OfGroups):
             constant_variance=np.where(seen, f5 / det, np.where(every_sticks, 1.0 / f3, np.inf)),
             beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
             rivals=np.stack([distances(most).T for most in _RIVALS], axis=1),
-            is_unique=(same[1] < _ONE_PLACE) & (every_sticks | (same[0] < _ONE_PLACE)),
+            is_unique=~is_valley & (same[1] < _ONE_PLACE) & (every_sticks | (same[0] < _ONE_PLACE)),
             least=least,
             places=places,
         )

@@ -34,6 +34,7 @@ Bool = NDArray[np.bool_]
 
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 _WIDEST = 0.6  # sd of a panel
+_SMOOTH = 1.0  # of a width: normal laws so far apart add up to a smooth one, to 1e-8
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ def marginal_laws(likelihoods: GroupLikelihoods, how: Integration) -> MarginalLa
         correlation = _correlation(restitution, own, mu, kappa, grid)
     # beyond, mass of mu ends at its domain for some e_n only
     proper = likelihoods.support.high < most * (1.0 + restitution.low)
+    # given kappa the constant may be known so well that its law is a staircase of nodes
+    proper &= own.widest_step < _SMOOTH
     # the nodes of e_n would see steps where kappa is known much better
     proper &= kappa.sd > _STEPLESS * laws[MU].mean * e_n.sd
     return MarginalLaws(laws, correlation, proper)
