@@ -150,7 +150,7 @@ class SeparableSums:
     def _is_exact(self) -> bool:
         """Whether no sum has lost digits that a profile would show."""
         value, error = self.of_kappa.minima
-        return bool(value.size and error[value < value.min() + _LOW].max() < _EXACT)
+        return bool(value.size and error[value <= value.min() + _LOW].max() < _EXACT)
 
 
 def _is_separable(group: ParameterGroup) -> bool:
