@@ -120,7 +120,7 @@ def intervals(rng: np.random.Generator, tau: float, scene: Scene) -> Iterator[tu
         )
         median = int(centre.lo95 <= middle[name] <= centre.hi95)
         yield (name, "median group"), (median, 1)
-        if not (each.cut or each.censored or each.outlying or each.two):
+        if not (each.cut or each.missed or each.outlying or each.two):
             yield (name, "median, nothing said"), (median, 1)
         yield (name, "new group"), (int(new.lo95 <= groups[-1][name] <= new.hi95), 1)
         yield (name, "group, pooled"), (int(((members.lo95 <= truth) & (truth <= members.hi95)).sum()), n)

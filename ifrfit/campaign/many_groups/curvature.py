@@ -16,12 +16,14 @@ from ifrfit.campaign.many_groups.of_groups import OfGroups
 from ifrfit.campaign.many_groups.sticking_sets import GroupOptima
 from ifrfit.campaign.many_groups.values import Restitution
 from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.profile.least_squares_estimates import BEYOND
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-_RIVAL_WIDTH = 1.25 * 1.959964  # sd about the optimum within which a rival needs no second look
+_RIVAL_WIDTH = BEYOND * half_width(0.95)  # sd about the optimum within which a rival needs no second look
 _ROUNDED = 0.999  # of a width that is asked for: what lies nearer to it is for the general code
 
 

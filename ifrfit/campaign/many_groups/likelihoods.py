@@ -31,7 +31,7 @@ _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may l
 
 
 @dataclass(frozen=True)
-class GroupLikelihoods(OfGroups):
+class PlainLikelihoods(OfGroups):
     """chi2 of many groups: its quadratics, its optimum, and where it is low.
 
     Attributes
@@ -58,7 +58,7 @@ class GroupLikelihoods(OfGroups):
     @classmethod
     def of(
         cls, tangential: Tangential, e_n: Restitution, law: Coefficients, domains: Sequence[Domain]
-    ) -> GroupLikelihoods:
+    ) -> PlainLikelihoods:
         """From the values of each group; `law` with b1 = 0."""
         own = domains[OWN].lower, domains[OWN].upper
         with np.errstate(all="ignore"):  # what is not finite is not resolved

@@ -24,6 +24,7 @@ from ifrfit.campaign.many_groups.laws import (
     KappaLaw,
     RestitutionLaw,
 )
+from ifrfit.campaign.many_groups.likelihoods import E_N, MU, OWN
 from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
@@ -140,9 +141,9 @@ def laws_up_to(
     centred = centred.reshape(shape) / scale[:, None, None]
     found = np.tile(np.eye(3), (shape[0], 1, 1))
     for i, j, covariance in (
-        (0, 1, total(centred * moments[0, 1])),
-        (1, 2, total(centred * nodes * moments[1, 0])),
-        (0, 2, mean_of(1, 1) - e_mean * mu_mean),
+        (E_N, OWN, total(centred * moments[0, 1])),
+        (OWN, MU, total(centred * nodes * moments[1, 0])),
+        (E_N, MU, mean_of(1, 1) - e_mean * mu_mean),
     ):
         found[:, i, j] = found[:, j, i] = covariance / (laws[i].sd * laws[j].sd)
     return laws, found

@@ -24,7 +24,7 @@ from ifrfit.campaign.group_fit import (
     estimate_columns,
     fit_group,
 )
-from ifrfit.campaign.many_groups.likelihoods import GroupLikelihoods
+from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.posteriors import GroupPosteriors, group_posteriors
 from ifrfit.campaign.many_groups.transition_integral import INTEGRATIONS
 from ifrfit.campaign.many_groups.values import Restitution, Tangential
@@ -146,7 +146,7 @@ def _rows(
     domains = _domains(model, inertia)
     ends = domains["e_n"].lower, domains["e_n"].upper
     values = _Values.of(batch, own, len(alike), oblique, inertia, ends)
-    likelihoods = GroupLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
+    likelihoods = PlainLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
     pending = clean & values.ordinary & (values.oblique >= _FEW)
     found: dict[int, Row] = {}
     for how in INTEGRATIONS:

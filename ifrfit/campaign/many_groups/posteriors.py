@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.many_groups.laws import GroupLaw
-from ifrfit.campaign.many_groups.likelihoods import GroupLikelihoods
+from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.transition_integral import Integration, marginal_laws
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.posterior.quadrature_posterior import RESOLUTION
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.estimates import reached_bounds
 from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
@@ -27,7 +28,6 @@ TAILS = (0.05, 0.32, 0.68, 0.95)  # levels of intervals that end at a bound
 # sd from a bound at which it plays no part: e_n, the constant, mu, kappa; the rule asks for less than 2
 _CLEAR = (6.0, 3.5, 3.5, 3.5)
 _NARROW = 0.9  # of the sd below which a constant counts as determined
-_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class GroupPosteriors:
 
     Attributes
     ----------
-    likelihoods : GroupLikelihoods
+    likelihoods : PlainLikelihoods
     resolved : ndarray of bool
         Whether it was settled; the others are for the general code.
     clear : ndarray of bool, (groups, 4)
@@ -54,7 +54,7 @@ class GroupPosteriors:
         Quantiles at `TAILS` where it reaches one of them; else nan.
     """
 
-    likelihoods: GroupLikelihoods
+    likelihoods: PlainLikelihoods
     resolved: Bool
     clear: Bool
     left_open: Mapping[tuple[int, int], Estimate]
@@ -86,12 +86,12 @@ class GroupPosteriors:
         return estimate_of(domain, marginal, Known(optimum=optimum))
 
 
-def group_posteriors(likelihoods: GroupLikelihoods, how: Integration) -> GroupPosteriors:
+def group_posteriors(likelihoods: PlainLikelihoods, how: Integration) -> GroupPosteriors:
     """Posterior of each group.
 
     Parameters
     ----------
-    likelihoods : GroupLikelihoods
+    likelihoods : PlainLikelihoods
         Of groups that suit the way of integration.
     how : Integration
     """
@@ -144,7 +144,7 @@ def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -
 
         if groups.size:
             bounds = domain.lower, domain.prior_upper
-            reached[groups, quantity] = reached_bounds(law.mean, law.sd, bounds, _RESOLUTION, below)
+            reached[groups, quantity] = reached_bounds(law.mean, law.sd, bounds, RESOLUTION, below)
     return reached, _quantiles(laws, np.array(TAILS), reached.sum(axis=2) == 1)
 
 

@@ -20,8 +20,8 @@ from ifrfit.inference.profile.objective import limit
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-LEVELS = tuple((level, one_sided) for one_sided in (False, True) for level in (0.68, 0.95))
-LIMITS = tuple(limit(level, one_sided=one_sided) for level, one_sided in LEVELS)
+# of 68 and 95 %, of both tails, then of one
+LIMITS = tuple(limit(level, one_sided=one) for one in (False, True) for level in (0.68, 0.95))
 _EXACT = 1e-9  # relative error of a crossing
 _FAR = 100.0  # rise that stands for all larger ones
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.campaign.many_groups.of_groups import OfGroups
 from ifrfit.campaign.many_groups.values import Tangential
+from ifrfit.inference.optimize.piecewise import CHI2_95, NEAR
 from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
 from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
 
@@ -25,7 +26,7 @@ Index = NDArray[np.intp]
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
 _ILL = 1e-4  # of the same: below, as where all impacts slide at one angle, chi2 is a valley with a flat floor
 # of chi2 above the best within which another optimum counts: surely, and perhaps
-_RIVALS = (3.84 - 1e-6, 4.0)
+_RIVALS = ((1.0 - 1e-6) * CHI2_95, NEAR)
 _SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, and what is one of them
 
 

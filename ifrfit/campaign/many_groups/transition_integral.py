@@ -25,7 +25,7 @@ from ifrfit.campaign.many_groups.laws import (
     KappaLaw,
     RestitutionLaw,
 )
-from ifrfit.campaign.many_groups.likelihoods import E_N, MU, OWN, GroupLikelihoods
+from ifrfit.campaign.many_groups.likelihoods import E_N, MU, OWN, PlainLikelihoods
 from ifrfit.campaign.many_groups.open_friction import laws_up_to, plateau_nodes
 from ifrfit.campaign.many_groups.values import total
 
@@ -52,7 +52,7 @@ class Integration:
     panels: int
     is_open: bool
 
-    def suits(self, likelihoods: GroupLikelihoods) -> Bool:
+    def suits(self, likelihoods: PlainLikelihoods) -> Bool:
         """Which groups it is for, (groups,)."""
         support = likelihoods.support
         kind = support.is_open if self.is_open else support.is_closed
@@ -82,12 +82,12 @@ class MarginalLaws(NamedTuple):
     proper: Bool
 
 
-def marginal_laws(likelihoods: GroupLikelihoods, how: Integration) -> MarginalLaws:
+def marginal_laws(likelihoods: PlainLikelihoods, how: Integration) -> MarginalLaws:
     """Integrate over kappa and e_n.
 
     Parameters
     ----------
-    likelihoods : GroupLikelihoods
+    likelihoods : PlainLikelihoods
         Of groups that suit the way of integration.
     how : Integration
     """
@@ -137,7 +137,7 @@ class _Panels:
     height: Array
 
     @classmethod
-    def of(cls, likelihoods: GroupLikelihoods, panels: int, beyond: Array | None = None) -> _Panels:
+    def of(cls, likelihoods: PlainLikelihoods, panels: int, beyond: Array | None = None) -> _Panels:
         """Panels between the ends, and between the edges beyond, (groups, m), where there are some."""
         sets, domain = likelihoods.sets, likelihoods.own
         low, high = likelihoods.support.low, likelihoods.support.high

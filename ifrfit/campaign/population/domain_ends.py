@@ -2,8 +2,7 @@
 
 A group whose e_t may be -1 has a posterior that ends there, and whatever is correlated with e_t moves along.
 In one group that is knowledge; over n groups it counts n times, as bounds of the user's do
-(`repeated_priors`). And groups that the end leaves open are not pooled: which ones these are their noise
-decides, so that the others lie away from it.
+(`repeated_priors`). Groups that the end leaves open count as limits (`limits`), and are not among these.
 """
 
 from __future__ import annotations

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA
-from ifrfit.campaign.population.censored_groups import CensoredGroups, censored_groups
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
+from ifrfit.campaign.population.groups_left_out import GroupsLeftOut, groups_left_out
 from ifrfit.campaign.population.leave_one_out import (
     FEWEST_OF_SEVERAL,
     below_threshold,
@@ -83,7 +83,7 @@ class Population:
         What describes the groups better than one population.
     cut : tuple of CutByEnd
         Ends of domains that may have moved it.
-    censored : CensoredGroups or None
+    missed : GroupsLeftOut or None
         Groups left out that may have moved it.
     """
 
@@ -101,7 +101,7 @@ class Population:
     limit_p: Mapping[int, float] = field(default_factory=dict, repr=False)
     two: TwoPopulations | None = None
     cut: tuple[CutByEnd, ...] = ()
-    censored: CensoredGroups | None = None
+    missed: GroupsLeftOut | None = None
 
     @property
     def outlying(self) -> dict[int, float] | None:
@@ -183,5 +183,5 @@ def _population(
         membership_p_values(hierarchy),
         limit_p_values(hierarchy),
         two_populations(hierarchy.y, hierarchy.s) if groups.size >= FEWEST_OF_SEVERAL else None,
-        censored=censored_groups(name, by, left_out, hierarchy),
+        missed=groups_left_out(name, by, left_out, hierarchy),
     )

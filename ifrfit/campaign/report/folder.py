@@ -82,7 +82,7 @@ def _population(campaign: Campaign, found: Population) -> dict[str, Any]:
             {"constant": each.constant, "end": each.end, "groups": each.groups, "shift": each.shift}
             for each in found.cut
         ],
-        "censored_groups": None if found.censored is None else asdict(found.censored),
+        "groups_left_out": None if found.missed is None else asdict(found.missed),
         "median_group": numbers(found.centre),
         "new_group": numbers(found.new),
         "sd_over_groups_in_its_coordinate": numbers(found.tau),

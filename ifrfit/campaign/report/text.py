@@ -77,7 +77,7 @@ def remarks(campaign: Campaign) -> list[str]:
         *mostly_open(campaign),
         *without_population(campaign),
         *cut_by_ends(campaign),
-        *censored(campaign),
+        *missed(campaign),
         *membership(campaign),
     ]
 
@@ -157,11 +157,11 @@ def cut_by_ends(campaign: Campaign) -> list[str]:
     return said
 
 
-def censored(campaign: Campaign) -> list[str]:
+def missed(campaign: Campaign) -> list[str]:
     """Groups that are not pooled and may have moved a population by that, by constant, and what to do."""
     said, of = [], []
     for found in campaign.populations:
-        if (each := found.censored) is None:
+        if (each := found.missed) is None:
             continue
         counted = (each.above, "above"), (each.below, "below"), (each.two_sided, "to two sides")
         sides = joined([f"{count} {side}" for count, side in counted if count])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import GAP, RANK
 from ifrfit.inference.optimize.piecewise import (
+    CHI2_95,
     NEAR,
     Array,
     PiecewiseBatch,
@@ -32,7 +33,6 @@ Bool = NDArray[np.bool_]
 
 _MANY = 20_000  # rows beyond which the sums are taken about a point near the optimum
 _SAMPLE = 1000  # rows that find that point
-_CHI2_95 = 3.84146  # rise of chi2 at the ends of a 95 % interval
 _FIRST, _FIRST_IN_BATCH = 8, 3  # cells of a problem that are solved to get a first value
 _CHUNK = 4096  # cells solved at once
 _MOST_NEAR = 512  # cells solved beyond need, to count local minima
@@ -102,7 +102,7 @@ def optimum_of(
     """
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
-    near = found.values <= found.value + _CHI2_95
+    near = found.values <= found.value + CHI2_95
     points, n_stick = found.points[near].tolist(), cells.n_stick[found.cells[near]].tolist()
     unknowns = [operator.itemgetter(i) for i in range(found.point.size)]
     return PiecewiseOptimum(

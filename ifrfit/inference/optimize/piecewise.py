@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NEAR = 4.0  # local minima up to this far above the least value are counted
+CHI2_95 = 3.84146  # rise of chi2 at the ends of a 95 % interval
 
 
 @dataclass(frozen=True)

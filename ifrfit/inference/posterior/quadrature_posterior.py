@@ -26,7 +26,7 @@ from ifrfit.inference.posterior.sampling import draw
 Array = NDArray[np.float64]
 
 _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
-_RESOLUTION = 0.02  # sd: from a bound to where the density is taken
+RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
 class PosteriorByMarginals(NamedQuantities):
@@ -67,7 +67,7 @@ class PosteriorByMarginals(NamedQuantities):
     @property
     def resolution(self) -> float:
         """Width, in sd, over which a density is taken."""
-        return _RESOLUTION
+        return RESOLUTION
 
     @property
     def n_draws(self) -> float:

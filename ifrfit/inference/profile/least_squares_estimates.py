@@ -24,7 +24,7 @@ from ifrfit.inference.summary.gaussian import known_of, prior_reasons
 from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out
-_BEYOND = 1.25
+BEYOND = 1.25
 _WITHOUT_PROFILE = (
     "the Gaussian of least squares is too narrow for it, and its profile knows no errors that rows have in "
     "common: take --method exact"
@@ -52,7 +52,7 @@ def estimates_of_optimum(
     def free(name: str, domain: Domain, rivals: list[float], quantity: Callable[[], Quantity]) -> Estimate:
         normal = gaussian.marginals[name]
         known = known_of(problem, fit, name, normal.sd, reasons)
-        reach = _BEYOND * normal.half_width(0.95)
+        reach = BEYOND * normal.half_width(0.95)
         apart = max((abs(other - normal.mode) for other in rivals), default=0.0)
         local = apart <= reach or (beside_marginals and apart + reach < HALF * domain.prior_sd)
         if known.seen and local and normal.sd < HALF * domain.prior_sd:

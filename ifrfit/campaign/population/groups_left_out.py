@@ -1,9 +1,9 @@
-"""Groups that leave a constant open, and are not pooled: its own value has a part in which these are.
+"""Groups of which a population takes neither a value nor a limit: their own values may be why.
 
-Where nothing slides mu is known to lie above a limit only: a censored member of the population. The others,
-taken for all, are a truncated sample of it, whose mean and sd are at most as far off as those of a normal law
-that is cut off at the quantiles of the shares left out (Johnson, Kotz & Balakrishnan 1994, Continuous
-Univariate Distributions 1, section 13.10.1).
+Groups that leave a constant open on both sides are not pooled. The others, taken for all, may be a truncated
+sample, whose mean and sd are at most as far off as those of a normal law that is cut off at the quantiles of
+the shares left out (Johnson, Kotz & Balakrishnan 1994, Continuous Univariate Distributions 1, section
+13.10.1). Those that give a limit are in the population (`limits`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LOW, _HIGH = 1, 3  # places of the 68 % interval among the quantiles
 
 
 @dataclass(frozen=True)
-class CensoredGroups:
+class GroupsLeftOut:
     """Groups left out of a population that may move it.
 
     Attributes
@@ -49,12 +49,12 @@ class CensoredGroups:
         return self.below + self.above + self.two_sided
 
 
-def censored_groups(
+def groups_left_out(
     name: str,
     by: Coordinate,
     left_out: Sequence[Mapping[str, Any]],
     pooled: NormalHierarchy,
-) -> CensoredGroups | None:
+) -> GroupsLeftOut | None:
     """Groups left out, where they may move the median group by more than a quarter of its standard error.
 
     Parameters
@@ -63,9 +63,9 @@ def censored_groups(
         The constant, or kappa.
     by : Coordinate
     left_out : sequence of mapping
-        Rows of the campaign's table that have the constant and do not determine it.
+        Rows of the campaign's table that have the constant, and give neither a value nor a limit.
     pooled : NormalHierarchy
-        Of those that do.
+        Of those that do, limits included.
     """
     if not left_out:
         return None
@@ -79,7 +79,7 @@ def censored_groups(
     centre = pooled.centre_quantiles()
     error = 0.5 * (centre[_HIGH] - centre[_LOW])
     shift = float(-mean / sd * pooled.tau_quantiles()[2] / error)
-    return CensoredGroups(below, above, two_sided, shift) if abs(shift) > SHIFT else None
+    return GroupsLeftOut(below, above, two_sided, shift) if abs(shift) > SHIFT else None
 
 
 def _truncated(below: float, above: float) -> tuple[float, float]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ifrfit.campaign.population.censored_groups import _truncated, censored_groups
 from ifrfit.campaign.population.coordinate import Coordinate
+from ifrfit.campaign.population.groups_left_out import _truncated, groups_left_out
 from ifrfit.campaign.population.normal_hierarchy import NormalHierarchy
 
 LOG, LOGIT = Coordinate(0.0, math.inf), Coordinate(-1.0, -0.4)
@@ -40,7 +40,7 @@ def test_it_says_by_how_much_the_median_of_a_cut_population_is_off(side):
         found = NormalHierarchy.of(y, np.full(175, 0.1))
         _, low, middle, high, _ = found.centre_quantiles()
         off.append((2.0 - middle) / (0.5 * (high - low)))
-        (one,) = {censored_groups("x", LOG, [ABOVE if side > 0.0 else BELOW] * 25, found)}
+        (one,) = {groups_left_out("x", LOG, [ABOVE if side > 0.0 else BELOW] * 25, found)}
         expected.append(one.shift)
     assert side * np.mean(off) > 2.0
     # a mean over 60 has an error of some sqrt(1/60) standard errors
@@ -48,11 +48,11 @@ def test_it_says_by_how_much_the_median_of_a_cut_population_is_off(side):
 
 
 def test_sides_are_counted():
-    found = censored_groups("x", LOG, [ABOVE, ABOVE, BELOW, TWO_SIDED, UNSAID], pooled(20, 1.0, 0.1))
+    found = groups_left_out("x", LOG, [ABOVE, ABOVE, BELOW, TWO_SIDED, UNSAID], pooled(20, 1.0, 0.1))
     assert (found.above, found.below, found.two_sided, found.groups) == (2, 1, 2, 5)
     assert found.shift > 0.0
     at_end = {"x_lo95": -1.0, "x_hi95": -0.9}
-    found = censored_groups("x", LOGIT, [at_end, at_end], pooled(20, 1.0, 0.1))
+    found = groups_left_out("x", LOGIT, [at_end, at_end], pooled(20, 1.0, 0.1))
     assert (found.above, found.below) == (0, 2)
     assert found.shift < 0.0
 
@@ -67,4 +67,4 @@ def test_sides_are_counted():
     ids=["none", "alike", "from two sides"],
 )
 def test_groups_that_move_nothing_are_not_named(left_out, hierarchy):
-    assert censored_groups("x", LOG, left_out, hierarchy) is None
+    assert groups_left_out("x", LOG, left_out, hierarchy) is None
