@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from ifrfit.campaign.many_groups.curvature import Curvature
 from ifrfit.campaign.many_groups.kappa_support import KappaSupport
 from ifrfit.campaign.many_groups.of_groups import OfGroups
 from ifrfit.campaign.many_groups.profiles import LIMITS, GroupProfiles
+from ifrfit.campaign.many_groups.quantities import E_N, KAPPA, MU, OWN
 from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
 from ifrfit.campaign.many_groups.values import Restitution, Tangential, total
 from ifrfit.inference.model.parameters import Domain
@@ -25,8 +25,7 @@ from ifrfit.physics.impulse_laws import Coefficients
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-E_N, OWN, MU, KAPPA = range(4)  # quantities; OWN is the closure constant
-
+_PROFILED = (OWN, MU, KAPPA)
 _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
 
 
@@ -99,30 +98,44 @@ class PlainLikelihoods(OfGroups):
 
     def left_open(self) -> LeftOpen:
         """What profiles say of quantities that the curvature leaves open, where that is no value."""
-        of = {OWN: GroupProfiles.of_constant, MU: GroupProfiles.of_mu, KAPPA: GroupProfiles.of_kappa}
-        found: dict[tuple[int, int], Estimate] = {}
-        failed = np.zeros(self.e_n.mean.size, dtype=bool)
-        for quantity, ends in of.items():
-            groups = np.flatnonzero(self.curvature.is_open[:, quantity])
-            if not groups.size:
-                continue
-            some = self.of_groups(groups)
-            with np.errstate(all="ignore"):
-                below = ends(GroupProfiles.of(some.sets, some.optima, some.own, some.e_n))
-            failed[groups] |= np.isnan(below).any(axis=(1, 2))
-            optimum, is_seen = some.optimum[:, quantity], some.curvature.is_finite[:, quantity]
-            for group, own, value, seen in zip(groups, below, optimum, is_seen, strict=True):
+        is_open = self.curvature.is_open
+        found = np.full(is_open.shape, None, dtype=object)
+        failed = np.zeros(is_open.shape[0], dtype=bool)
+        groups = np.flatnonzero(is_open[:, _PROFILED].any(axis=1))
+        if not groups.size:
+            return LeftOpen(found, failed)
+        some = self.of_groups(groups)
+        asked = {quantity: np.flatnonzero(is_open[groups, quantity]) for quantity in _PROFILED}
+        with np.errstate(all="ignore"):
+            below = GroupProfiles.of(some.sets, some.optima, some.own, some.e_n).below(asked)
+        for quantity, rows in asked.items():
+            failed[groups[rows]] |= np.isnan(below[quantity]).any(axis=(1, 2))
+            optimum, is_seen = some.optimum[rows, quantity], some.curvature.is_finite[rows, quantity]
+            for group, own, value, seen in zip(groups[rows], below[quantity], optimum, is_seen, strict=True):
                 estimate = _of_profile(self.domains[quantity], own, float(value), bool(seen))
                 if estimate.value is None:  # else the posterior says more
-                    found[int(group), quantity] = estimate
+                    found[group, quantity] = estimate
         return LeftOpen(found, failed)
 
 
-class LeftOpen(NamedTuple):
-    """Estimates without a value, by group and quantity, and in which groups profiles came to no end."""
+@dataclass(frozen=True)
+class LeftOpen(OfGroups):
+    """What profiles say of quantities that have no value.
 
-    estimates: Mapping[tuple[int, int], Estimate]
+    Attributes
+    ----------
+    estimates : ndarray of Estimate or None, (groups, 4)
+    failed : ndarray of bool, (groups,)
+        Where profiles came to no end.
+    """
+
+    estimates: NDArray[np.object_]
     failed: Bool
+
+    @property
+    def is_open(self) -> Bool:
+        """Whether a quantity has no value, (groups, 4)."""
+        return np.not_equal(self.estimates, None)
 
 
 def _of_profile(domain: Domain, below: Array, optimum: float, is_seen: bool) -> Estimate:

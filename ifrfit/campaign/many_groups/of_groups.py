@@ -14,12 +14,12 @@ Index = NDArray[np.intp]
 class OfGroups:
     """A dataclass whose arrays have the group as their first axis; what is no array is common to all."""
 
-    def of_groups(self, groups: Index) -> Self:
+    def of_groups(self, groups: Index | slice) -> Self:
         """The same of some groups."""
         return replace(self, **{each.name: _of(getattr(self, each.name), groups) for each in fields(self)})  # type: ignore[type-var, arg-type]
 
 
-def _of(value: Any, groups: Index) -> Any:
+def _of(value: Any, groups: Index | slice) -> Any:
     if isinstance(value, OfGroups):
         return value.of_groups(groups)
     return value[groups] if isinstance(value, np.ndarray) else value

@@ -24,11 +24,12 @@ from ifrfit.campaign.many_groups.laws import (
     KappaLaw,
     RestitutionLaw,
 )
-from ifrfit.campaign.many_groups.likelihoods import E_N, MU, OWN
+from ifrfit.campaign.many_groups.quantities import E_N, MU, OWN
 from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
 
+_ORDERS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
 _STEPS = 12  # panels over which kappa ends
 
 
@@ -57,6 +58,11 @@ class _CutRestitution(GroupLaw):
     scale: Array
     mean: Array
     sd: Array
+
+    @property
+    def in_hand(self) -> int:
+        """Nodes of e_n, with the powers of kappa at each."""
+        return self.alone.in_hand * self.kappa.in_hand
 
     @property
     def ends(self) -> tuple[Array, Array]:
@@ -153,9 +159,21 @@ def _moments(most: float, e_n: RestitutionLaw, nodes: Array) -> list[tuple[tuple
     """Integrals of e_n^j/(1 + e_n)^i over e_n, and from kappa/M - 1 on; (i, j) first."""
     flat = nodes.reshape(nodes.shape[0], -1)
     e, mass = e_n.between(flat / most - 1.0, np.broadcast_to(e_n.high[:, None], flat.shape))
-    found = []
-    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)):
-        whole = (e_n.mass * e_n.nodes**j / (1.0 + e_n.nodes) ** i).sum(axis=1)
-        part = (mass * e**j / (1.0 + e) ** i).sum(axis=2).reshape(nodes.shape)
-        found.append(((i, j), whole[:, None, None] * np.ones((1, 1, nodes.shape[2])), part))
-    return found
+    parts = [each.reshape(nodes.shape) for each in _powers(e, mass)]
+    wholes = [np.repeat(each[:, None, None], nodes.shape[2], axis=2) for each in _powers(e_n.nodes, e_n.mass)]
+    return list(zip(_ORDERS, wholes, parts, strict=True))
+
+
+def _powers(e: Array, mass: Array) -> list[Array]:
+    """Sums of e^j/(1 + e)^i over the last axis, (i, j) as in `_ORDERS`."""
+    share = mass / (1.0 + e)
+    of_mass, of_share = mass.sum(axis=-1), share.sum(axis=-1)
+    first = mass * e
+    return [
+        of_mass,
+        first.sum(axis=-1),
+        (first * e).sum(axis=-1),
+        of_share,
+        of_mass - of_share,
+        (share / (1.0 + e)).sum(axis=-1),
+    ]

@@ -27,7 +27,7 @@ from ifrfit.campaign.group_fit import (
 from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.posteriors import GroupPosteriors, group_posteriors
 from ifrfit.campaign.many_groups.transition_integral import INTEGRATIONS
-from ifrfit.campaign.many_groups.values import Restitution, Tangential
+from ifrfit.campaign.many_groups.values import Restitution, Tangential, padded
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_roles import identify
@@ -146,20 +146,22 @@ def _rows(
     domains = _domains(model, inertia)
     ends = domains["e_n"].lower, domains["e_n"].upper
     values = _Values.of(batch, own, len(alike), oblique, inertia, ends)
-    likelihoods = PlainLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
-    pending = clean & values.ordinary & (values.oblique >= _FEW)
+    every = PlainLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
+    certain = np.flatnonzero(clean & values.ordinary & (values.oblique >= _FEW) & every.is_certain)
+    likelihoods = every.of_groups(certain)
+    left_open, pending = likelihoods.left_open(), np.ones(certain.size, dtype=bool)
     found: dict[int, Row] = {}
     for how in INTEGRATIONS:
-        left = np.flatnonzero(pending & how.suits(likelihoods))
-        if not left.size:
+        suited = np.flatnonzero(pending & how.suits(likelihoods))
+        if not suited.size:
             continue
-        posteriors = group_posteriors(likelihoods.of_groups(left), how)
+        posteriors = group_posteriors(likelihoods.of_groups(suited), left_open.of_groups(suited), how)
         for k in np.flatnonzero(posteriors.resolved).tolist():
-            place = int(left[k])
+            place = int(certain[suited[k]])
             counts = int(values.oblique[place]), int(values.n[place])
             group = groups[alike[place]]
             found[alike[place]] = _row(group, conventions, tuple(domains), posteriors, k, counts)
-        pending[left] = False
+        pending[suited] = False
     return found
 
 
@@ -227,26 +229,14 @@ class _Values:
             tau, factor = incidence.tau, (value - offset) / slope
         order = np.lexsort((tau, own[at]))
         columns = (tau, factor, (slope / sigma) ** 2.0)
-        padded = _padded(own[at][order], groups, [column[order] for column in columns], (np.inf, 0.0, 0.0))
+        tangential = padded(own[at][order], groups, [column[order] for column in columns], (np.inf, 0.0, 0.0))
         at_e, e_n, sigma_e = batch.values["e_n"]
-        normal = _padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
+        normal = padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
         oblique = np.bincount(own[at], minlength=groups)
         n = oblique + np.bincount(own[at_e], minlength=groups)
         with np.errstate(divide="ignore", invalid="ignore"):
             measured = Restitution.of(normal[0], normal[1], domain)
-        return cls(Tangential(*padded), measured, oblique, n, ordinary)
-
-
-def _padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[float]) -> list[Array]:
-    """Values of each group side by side, (groups, most); `own` does not decrease."""
-    counts = np.bincount(own, minlength=groups)
-    place = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    found = []
-    for column, empty in zip(columns, fill, strict=True):
-        made = np.full((groups, int(counts.max(initial=1))), empty)
-        made[own, place] = column
-        found.append(made)
-    return found
+        return cls(Tangential(*tangential), measured, oblique, n, ordinary)
 
 
 def _row(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.many_groups.laws import GroupLaw
-from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
+from ifrfit.campaign.many_groups.likelihoods import LeftOpen, PlainLikelihoods
 from ifrfit.campaign.many_groups.transition_integral import Integration, marginal_laws
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
@@ -41,8 +43,7 @@ class GroupPosteriors:
         Whether it was settled; the others are for the general code.
     clear : ndarray of bool, (groups, 4)
         Whether e_n, the closure constant, mu and kappa are determined beyond doubt.
-    left_open : mapping
-        Estimates without a value, by group and quantity.
+    left_open : LeftOpen
     sd : ndarray, (groups, 4)
     quantiles : ndarray, (groups, 4, 5)
         At `LEVELS`; nan of what is left open.
@@ -57,7 +58,7 @@ class GroupPosteriors:
     likelihoods: PlainLikelihoods
     resolved: Bool
     clear: Bool
-    left_open: Mapping[tuple[int, int], Estimate]
+    left_open: LeftOpen
     sd: Array
     quantiles: Array
     correlation: Array
@@ -67,11 +68,12 @@ class GroupPosteriors:
     def estimate(self, group: int, quantity: int) -> Estimate:
         """What posterior or profile say of a quantity; near bounds the rule of all methods decides."""
         domain = self.likelihoods.domains[quantity]
-        if (group, quantity) in self.left_open:
-            return self.left_open[group, quantity]
-        low95, low68, median, high68, high95 = self.quantiles[group, quantity].tolist()
-        central68, central95, sd = (low68, high68), (low95, high95), float(self.sd[group, quantity])
-        if self.clear[group, quantity]:
+        left_open: Estimate | None = self._lists.left_open[group][quantity]
+        if left_open is not None:
+            return left_open
+        low95, low68, median, high68, high95 = self._lists.quantiles[group][quantity]
+        central68, central95, sd = (low68, high68), (low95, high95), self._lists.sd[group][quantity]
+        if self._lists.clear[group][quantity]:
             return Estimate(median, sd, central68, central95, "determined")
 
         def one_sided(is_below: bool) -> OneSided:
@@ -85,24 +87,38 @@ class GroupPosteriors:
         optimum = float(self.likelihoods.optimum[group, quantity])
         return estimate_of(domain, marginal, Known(optimum=optimum))
 
+    @cached_property
+    def _lists(self) -> _Lists:
+        arrays = (self.left_open.estimates, self.clear, self.sd, self.quantiles)
+        return _Lists(*(each.tolist() for each in arrays))
 
-def group_posteriors(likelihoods: PlainLikelihoods, how: Integration) -> GroupPosteriors:
+
+class _Lists(NamedTuple):
+    """What is read one by one, which lists give ten times as fast as arrays."""
+
+    left_open: list[list[Estimate | None]]
+    clear: list[list[bool]]
+    sd: list[list[float]]
+    quantiles: list[list[list[float]]]
+
+
+def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, how: Integration) -> GroupPosteriors:
     """Posterior of each group.
 
     Parameters
     ----------
     likelihoods : PlainLikelihoods
         Of groups that suit the way of integration.
+    left_open : LeftOpen
+        What profiles say of them.
     how : Integration
     """
     with np.errstate(all="ignore"):  # what is not finite is not resolved
         laws, correlation, resolved = marginal_laws(likelihoods, how)
         sd = np.stack([each.sd for each in laws], axis=1)
-        left = likelihoods.left_open()
-        asked = np.ones(sd.shape, dtype=bool)
-        asked[*_places(left.estimates)] = False
+        asked = ~left_open.is_open
         quantiles = _quantiles(laws, np.array(LEVELS), asked)
-        resolved &= ~left.failed & np.isfinite(sd).all(axis=1)
+        resolved &= ~left_open.failed & np.isfinite(sd).all(axis=1)
         resolved &= (np.isfinite(quantiles).all(axis=2) | ~asked).all(axis=1)
         clear = np.stack(
             [_is_clear(sd, quantiles, likelihoods.domains, one) for one in range(len(laws))], axis=1
@@ -111,14 +127,8 @@ def group_posteriors(likelihoods: PlainLikelihoods, how: Integration) -> GroupPo
         asked &= resolved[:, None] & ~clear
         reached, tails = _at_ends(laws, likelihoods.domains, asked)
     return GroupPosteriors(
-        likelihoods, resolved, clear, left.estimates, sd, quantiles, correlation, reached, tails
+        likelihoods, resolved, clear, left_open, sd, quantiles, correlation, reached, tails
     )
-
-
-def _places(estimates: Mapping[tuple[int, int], Estimate]) -> tuple[Index, Index]:
-    """Groups and quantities."""
-    groups, quantities = np.array(list(estimates), dtype=np.intp).reshape(-1, 2).T
-    return groups, quantities
 
 
 def _quantiles(laws: Sequence[GroupLaw], levels: Array, asked: Bool) -> Array:
@@ -139,8 +149,9 @@ def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -
         law = every.of_groups(groups)
 
         def below(x: Array, some: Index, law: GroupLaw = law) -> Array:
-            share, _ = law.of_groups(some).below(x)
-            return share
+            few = law.of_groups(some)
+            parts = few.in_parts(x.shape[1])
+            return np.concatenate([few.of_groups(part).share(x[part]) for part in parts])
 
         if groups.size:
             bounds = domain.lower, domain.prior_upper

@@ -7,12 +7,14 @@ quadratic between two ends; and of all sets only those count that come near the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.many_groups.quantities import KAPPA, MU, OWN
 from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
 from ifrfit.campaign.many_groups.values import Restitution
 from ifrfit.inference.profile.objective import limit
@@ -75,9 +77,14 @@ class GroupProfiles:
         walls = near(sets.walls[:, :-1]), near(sets.walls[:, 1:])
         return cls(*walls, forms, near(rise), kappas, constants, own, e_n)
 
-    def of_constant(self) -> Array:
-        """Ends of what lies below each of `LIMITS`, (groups, 4, 2), for the closure constant."""
+    def below(self, asked: Mapping[int, Index]) -> dict[int, Array]:
+        """Ends of what lies below each of `LIMITS`, (n, 4, 2), for quantities in the groups asked for."""
+        of = {OWN: self._of_constant, MU: self._of_mu, KAPPA: self._of_kappa}
+        profiles = [of[quantity](groups) for quantity, groups in asked.items()]
+        _cross(profiles)
+        return {quantity: each.found for quantity, each in zip(asked, profiles, strict=True)}
 
+    def _of_constant(self, groups: Index) -> _Profile:
         def rise(c: Array, groups: Index) -> Array:
             f0, f1, f2, f3, f4, f5 = self.forms[:, groups]
             low, c = self.low[groups], c[:, None]
@@ -86,22 +93,20 @@ class GroupProfiles:
             value = f0 + f1 * c + f2 * kappa + f3 * c**2 + f4 * c * kappa + f5 * kappa**2
             return self._least(value, groups)
 
-        ends = (np.full(self.least.shape[0], end) for end in self.own)
-        return self._between(rise, self.constants, *ends)
+        ends = (np.full(groups.size, end) for end in self.own)
+        return self._profile(rise, groups, self.constants, *ends)
 
-    def of_kappa(self) -> Array:
-        """Likewise for kappa."""
-
+    def _of_kappa(self, groups: Index) -> _Profile:
         def rise(kappa: Array, groups: Index) -> Array:
             kappa = kappa[:, None]
             value = self._at(kappa, groups)
             inside = (kappa >= self.low[groups]) & (kappa <= self.high[groups])
             return self._least(np.where(inside, value, np.inf), groups)
 
-        return self._between(rise, self.kappas, *self._ends, has_end=False)
+        return self._profile(rise, groups, self.kappas, *self._ends(groups), has_end=False)
 
-    def of_mu(self) -> Array:
-        """Likewise for mu, with e_n at its best: kappa = mu (1 + e_n) is linear in it."""
+    def _of_mu(self, groups: Index) -> _Profile:
+        """With e_n at its best: kappa = mu (1 + e_n) is linear in it."""
 
         def rise(mu: Array, groups: Index) -> Array:
             _, f1, f2, f3, f4, f5 = self.forms[:, groups]
@@ -124,17 +129,16 @@ class GroupProfiles:
 
         base = self.e_n.chi2 - self.e_n.square
         places = self.kappas / (1.0 + self.e_n.best[:, None])
-        lower, upper = self._ends
+        lower, upper = self._ends(groups)
         ends = lower / (1.0 + self.e_n.domain[1]), upper / (1.0 + self.e_n.domain[0])
-        return self._between(rise, places, *ends, has_end=False)
+        return self._profile(rise, groups, places, *ends, has_end=False)
 
-    @property
-    def _ends(self) -> tuple[Array, Array]:
-        """kappa below and above which the rise exceeds all limits, or stays what it is, (groups,) each."""
-        there = np.isfinite(self.least)
-        lower = np.where(there, self.low, np.inf).min(axis=1)
-        upper = np.where(np.isinf(self.high), self.low, self.high)
-        return lower, np.where(there, upper, -np.inf).max(axis=1)
+    def _ends(self, groups: Index) -> tuple[Array, Array]:
+        """kappa below and above which the rise exceeds all limits, or stays what it is, (n,) each."""
+        there = np.isfinite(self.least[groups])
+        low, high = self.low[groups], self.high[groups]
+        upper = np.where(np.isinf(high), low, high)
+        return np.where(there, low, np.inf).min(axis=1), np.where(there, upper, -np.inf).max(axis=1)
 
     def _at(self, kappa: Array, groups: Index) -> Array:
         """Rise at a kappa, with the closure constant at its best, (n, k)."""
@@ -147,53 +151,88 @@ class GroupProfiles:
         own = np.where(np.isfinite(self.least[groups]) & np.isfinite(value), value, _FAR)
         return np.asarray(np.minimum(own, _FAR).min(axis=1))
 
-    def _between(
-        self, rise: Rise, places: Array, lower: Array, upper: Array, *, has_end: bool = True
-    ) -> Array:
-        """Lowest and highest value below each limit, (groups, 4, 2).
+    def _profile(
+        self, rise: Rise, groups: Index, places: Array, lower: Array, upper: Array, *, has_end: bool = True
+    ) -> _Profile:
+        """What is known before any search.
 
         Parameters
         ----------
         rise : callable
-        places : ndarray, (groups, k)
+        groups : ndarray, (n,)
+        places : ndarray, (all groups, k)
             Value at the least of each set.
-        lower, upper : ndarray, (groups,)
+        lower, upper : ndarray, (n,)
             Ends of the domain, or where the rise is above all limits.
         has_end : bool
             Whether the domain ends at `upper`; else it is endless, with a plateau where every impact sticks.
         """
-        groups = np.arange(lower.size)
-        plateau = np.where(np.isinf(self.high), self.least, np.inf).min(axis=1)
+        least, places = self.least[groups], places[groups]
+        plateau = np.where(np.isinf(self.high[groups]), least, np.inf).min(axis=1)
         at_lower, at_upper = rise(lower, groups), rise(upper, groups)
-        found = np.empty((lower.size, len(LIMITS), 2))
-        brackets: list[tuple[int, int, Index, Array, Array]] = []
+        found = np.empty((groups.size, len(LIMITS), 2))
+        brackets: list[_Brackets] = []
         for k, most in enumerate(LIMITS):
-            inside = self.least <= most
+            inside = least <= most
             first = np.where(inside, places, np.inf).min(axis=1)
             last = np.where(inside, places, -np.inf).max(axis=1)
             found[:, k, 0] = lower
             found[:, k, 1] = upper if has_end else np.inf
             below = np.flatnonzero((at_lower > most) & (lower < first))
             above = np.flatnonzero(at_upper > most if has_end else (plateau > most))
-            brackets += [(k, 0, below, first[below], lower[below]), (k, 1, above, last[above], upper[above])]
-        self._cross(rise, brackets, found)
+            brackets.append(_Brackets.of(k, 0, below, first[below], lower[below]))
+            brackets.append(_Brackets.of(k, 1, above, last[above], upper[above]))
+        return _Profile(rise, groups, _Brackets(*(np.concatenate(each) for each in zip(*brackets, strict=True))), found)
+
+
+class _Brackets(NamedTuple):
+    """Between which values the rise crosses a limit: numbers of limit, side and row, inside and outside."""
+
+    limit: Index
+    side: Index
+    row: Index
+    inside: Array
+    outside: Array
+
+    @classmethod
+    def of(cls, limit: int, side: int, row: Index, inside: Array, outside: Array) -> _Brackets:
+        """Of one side of one limit, (m,) each."""
+        return cls(np.full(row.size, limit), np.full(row.size, side), row, inside, outside)
+
+
+class _Profile(NamedTuple):
+    """The rise of chi2 with one quantity, in which groups, and the ends of what lies below each limit."""
+
+    rise: Rise
+    groups: Index
+    brackets: _Brackets
+    found: Array  # (n, 4, 2)
+
+
+def _cross(profiles: Sequence[_Profile]) -> None:
+    """Write where each rise is a limit, by one search for all of them: its steps cost more than its places."""
+    limit, side, row, inside, outside = (
+        np.concatenate(each) for each in zip(*(each.brackets for each in profiles), strict=True)
+    )
+    if not row.size:
+        return
+    from scipy.optimize.elementwise import find_root  # 0.1 s, where the data leave something open
+
+    sizes = [each.brackets.row.size for each in profiles]
+    which = np.repeat(np.arange(len(profiles)), sizes)
+    groups = np.concatenate([each.groups[each.brackets.row] for each in profiles])
+    root = np.sqrt(np.array(LIMITS))[limit]
+
+    def over(x: Array, which: Index, groups: Index, root: Array) -> Array:
+        found = np.empty_like(x)
+        for k, each in enumerate(profiles):
+            own = which == k
+            if own.any():
+                found[own] = np.sqrt(np.maximum(each.rise(x[own], groups[own]), 0.0)) - root[own]
         return found
 
-    @staticmethod
-    def _cross(rise: Rise, brackets: list[tuple[int, int, Index, Array, Array]], found: Array) -> None:
-        """Write where the rise is a limit: its number, side, groups, values inside and values outside."""
-        from scipy.optimize.elementwise import find_root  # 0.1 s, where the data leave something open
-
-        numbers = np.concatenate([np.full(groups.size, k) for k, _, groups, _, _ in brackets])
-        sides = np.concatenate([np.full(groups.size, side) for _, side, groups, _, _ in brackets])
-        groups, inside, outside = (np.concatenate([each[i] for each in brackets]) for i in (2, 3, 4))
-        if not groups.size:
-            return
-        root = np.sqrt(np.array(LIMITS))[numbers]
-
-        def over(x: Array, group: Index, root: Array) -> Array:
-            shape = x.shape
-            return (np.sqrt(np.maximum(rise(x.ravel(), group.ravel()), 0.0)) - root.ravel()).reshape(shape)
-
-        crossing = find_root(over, (inside, outside), args=(groups, root), tolerances={"xrtol": _EXACT})
-        found[groups, numbers, sides] = np.where(crossing.success, crossing.x, np.nan)
+    crossing = find_root(over, (inside, outside), args=(which, groups, root), tolerances={"xrtol": _EXACT})
+    at = np.where(crossing.success, crossing.x, np.nan)
+    for k, each in enumerate(profiles):
+        own = which == k
+        each.found[row[own], limit[own], side[own]] = at[own]

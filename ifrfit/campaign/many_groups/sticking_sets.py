@@ -58,7 +58,8 @@ class StickingSets(OfGroups):
         above = np.cumsum(terms[..., ::-1], axis=2)[..., ::-1]
         below = np.concatenate((none[:N_BELOW], np.cumsum(terms[:N_BELOW], axis=2)), axis=2)
         sums = np.concatenate((below, np.concatenate((above, none), axis=2)))
-        cc, ck, kk, c, k, one = np.tensordot(quadratic_matrix(law)[:SIZE], sums, 1)
+        # no product of BLAS, whose threads would spin beside the other workers
+        cc, ck, kk, c, k, one = np.einsum("ij,j...->i...", quadratic_matrix(law)[:SIZE], sums)
         forms = np.stack((one, -2.0 * c, -2.0 * k, cc, 2.0 * ck, kk), axis=1)
         edge = np.zeros((tau.shape[0], 1))
         walls = np.concatenate((edge, law.b0 * tau, edge + np.inf), axis=1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +26,10 @@ from ifrfit.campaign.many_groups.laws import (
     KappaLaw,
     RestitutionLaw,
 )
-from ifrfit.campaign.many_groups.likelihoods import E_N, MU, OWN, PlainLikelihoods
+from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.open_friction import laws_up_to, plateau_nodes
-from ifrfit.campaign.many_groups.values import total
+from ifrfit.campaign.many_groups.quantities import E_N, MU, OWN
+from ifrfit.campaign.many_groups.values import padded, total
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -43,26 +45,28 @@ class Integration:
 
     Attributes
     ----------
-    panels : int
-        Besides those that end at transitions.
+    fewest, most : int
+        Panels: more than the former, and no more than the latter.
     is_open : bool
         Whether kappa has mass up to the end of its domain.
     """
 
-    panels: int
+    fewest: int
+    most: int
     is_open: bool
 
     def suits(self, likelihoods: PlainLikelihoods) -> Bool:
         """Which groups it is for, (groups,)."""
         support = likelihoods.support
         kind = support.is_open if self.is_open else support.is_closed
-        with np.errstate(invalid="ignore"):
-            narrow = (support.high - support.low) < _WIDEST * self.panels * support.sd
-        return np.asarray(likelihoods.is_certain & kind & narrow)
+        panels = _Gaps.of(likelihoods).panels.sum(axis=1)
+        return np.asarray(kind & (panels > self.fewest) & (panels <= self.most))
 
 
-# what most groups need, first
-INTEGRATIONS = tuple(Integration(panels, is_open) for panels in (44, 88, 176) for is_open in (False, True))
+_PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
+INTEGRATIONS = tuple(
+    Integration(*panels, is_open) for panels in pairwise(_PANELS) for is_open in (False, True)
+)
 
 
 class MarginalLaws(NamedTuple):
@@ -94,7 +98,7 @@ def marginal_laws(likelihoods: PlainLikelihoods, how: Integration) -> MarginalLa
     most, own_domain, e_n = likelihoods.most, likelihoods.own, likelihoods.e_n
     restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain)
     beyond = most * (1.0 + plateau_nodes(restitution)) if how.is_open else None
-    grid = _Panels.of(likelihoods, how.panels, beyond)
+    grid = _Panels.of(likelihoods, beyond)
     kappa = KappaLaw.made(grid.edges, grid.nodes, grid.density)
     own = ConstantLaw.made(grid.middle, grid.width, grid.height, own_domain)
     laws: Sequence[GroupLaw]
@@ -111,6 +115,31 @@ def marginal_laws(likelihoods: PlainLikelihoods, how: Integration) -> MarginalLa
     # the nodes of e_n would see steps where kappa is known much better
     proper &= kappa.sd > _STEPLESS * laws[MU].mean * e_n.sd
     return MarginalLaws(laws, correlation, proper)
+
+
+class _Gaps(NamedTuple):
+    """What lies between the transitions in the support of kappa, in (groups, gaps) each.
+
+    Attributes
+    ----------
+    low, width : ndarray
+    panels : ndarray of float
+        So many that each is narrow; none where there is no further gap.
+    """
+
+    low: Array
+    width: Array
+    panels: Array
+
+    @classmethod
+    def of(cls, likelihoods: PlainLikelihoods) -> _Gaps:
+        """Of each group."""
+        support = likelihoods.support
+        low, high = support.low[:, None], support.high[:, None]
+        edges = np.clip(likelihoods.sets.walls, low, high)
+        width = np.diff(edges, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return cls(edges[:, :-1], width, np.ceil(width / (_WIDEST * support.sd[:, None])))
 
 
 @dataclass(frozen=True)
@@ -137,15 +166,18 @@ class _Panels:
     height: Array
 
     @classmethod
-    def of(cls, likelihoods: PlainLikelihoods, panels: int, beyond: Array | None = None) -> _Panels:
+    def of(cls, likelihoods: PlainLikelihoods, beyond: Array | None = None) -> _Panels:
         """Panels between the ends, and between the edges beyond, (groups, m), where there are some."""
-        sets, domain = likelihoods.sets, likelihoods.own
-        low, high = likelihoods.support.low, likelihoods.support.high
-        inside = (sets.walls > low[:, None]) & (sets.walls < high[:, None])
-        most = int(inside.sum(axis=1).max(initial=0))
-        kinks = np.sort(np.where(inside, sets.walls, np.inf), axis=1)[:, :most]
-        even = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, panels + 1)
-        edges = np.sort(np.minimum(np.concatenate((kinks, even), axis=1), high[:, None]), axis=1)
+        sets, domain, high = likelihoods.sets, likelihoods.own, likelihoods.support.high
+        gaps = _Gaps.of(likelihoods)
+        of = gaps.panels.astype(np.intp)
+        own, start, width = (
+            np.repeat(each, of.ravel())
+            for each in (np.arange(of.size) // of.shape[1], gaps.low.ravel(), (gaps.width / of).ravel())
+        )
+        number = np.arange(own.size) - np.repeat(np.cumsum(of) - of.ravel(), of.ravel())
+        (edges,) = padded(own, high.size, [start + number * width], [np.inf])
+        edges = np.minimum(np.concatenate((edges, high[:, None]), axis=1), high[:, None])
         edges = edges if beyond is None else np.concatenate((edges, beyond), axis=1)
         half = 0.5 * np.diff(edges, axis=1)
         middle = edges[:, :-1] + half

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.campaign.many_groups.of_groups import OfGroups
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,19 @@ class Restitution(OfGroups):
         return self.square + ((self.best - self.mean) / self.sd) ** 2
 
 
+def padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[float]) -> list[Array]:
+    """Values of each group side by side, (groups, most); `own` does not decrease."""
+    counts = np.bincount(own, minlength=groups)
+    place = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    found = []
+    for column, empty in zip(columns, fill, strict=True):
+        made = np.full((groups, int(counts.max(initial=1))), empty)
+        made[own, place] = column
+        found.append(made)
+    return found
+
+
 def total(values: Array) -> Array:
     """Sum of each group one value after the other: zeros, where other groups are longer, change no bit."""
-    return np.asarray(np.cumsum(values.reshape(values.shape[0], -1), axis=1)[:, -1])
+    by_place = np.ascontiguousarray(values.reshape(values.shape[0], -1).T)
+    return np.asarray(np.add.reduce(by_place, axis=0))
