@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
@@ -163,6 +163,17 @@ def estimate_columns(name: str, estimate: Estimate) -> Row:
     row |= {f"{name}_{part}": _number(value) for part, value in zip(PARTS, parts, strict=False)}
     row[f"{name}_status"] = estimate.status
     return row
+
+
+def columns_of(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The columns of the table, in the order in which rows first have them."""
+    kinds = dict.fromkeys(map(tuple, rows))  # thousands of rows, of very few kinds
+    return list(dict.fromkeys(name for kind in kinds for name in kind))
+
+
+def constants_of(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """The constants, and kappa, that any row has."""
+    return [name.removesuffix("_status") for name in columns_of(rows) if name.endswith("_status")]
 
 
 def _number(x: float | None) -> float | None:

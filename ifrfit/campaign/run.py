@@ -12,7 +12,7 @@ from typing import Any
 
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, Row
 from ifrfit.campaign.journal import Journal
-from ifrfit.campaign.many_groups.plain_groups import fit_groups
+from ifrfit.campaign.many_groups.plain_groups import fit_groups, groups_at_once
 from ifrfit.campaign.population.limits import MostlyOpen
 from ifrfit.campaign.population.partial_pooling import Population, populations
 from ifrfit.campaign.population.repeated_priors import bounds_reason, prior_reason
@@ -22,14 +22,13 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
 from ifrfit.inference.options import Model, Noise
-from ifrfit.inference.workers.crews import TRIES, crew_of
+from ifrfit.inference.workers.crews import TRIES, Crew
 from ifrfit.inference.workers.lots import in_lots
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects.contact import SOLID
 
 EMPTY = "(empty)"  # what stands for the text of an empty cell in a label
 METHODS = ("exact", "lsq", "profile")
-LOT = 100  # groups
 _KEPT_EVERY = 0.5  # s: what is lost, at most, where a campaign is killed
 DIED = f"the process that fitted it died {TRIES} times, as for want of memory. Fit the group by itself."
 
@@ -114,8 +113,7 @@ def run_campaign(
     noise: str | Noise | None = None,
     method: str | Estimator | None = None,
     facts: bool = True,
-    workers: int = 1,
-    scheduler: str | None = None,
+    crew: Crew | None = None,
     resume: bool = False,
     force: bool = False,
     seed: int = 0,
@@ -142,10 +140,8 @@ def run_campaign(
         As `ifrfit.fit`; the method is one of `METHODS`.
     facts : bool
         Whether slips, effects and lack of fit are looked for in each group.
-    workers : int
-        Processes. The results do not depend on them.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers fit the groups.
+    crew : Crew, optional
+        Who fits the groups, see `crew_of`; by default this process. The results do not depend on it.
     resume : bool
         Go on with an unfinished campaign.
     force : bool
@@ -203,15 +199,16 @@ def run_campaign(
     waiting: list[tuple[Group, Row]] = []
     kept = time.monotonic()
     try:
-        with crew_of(workers, scheduler) as crew:
-            for group, row in in_lots(unknown(), work, _lost, crew, LOT):
-                found[group.key] = row
-                waiting.append((group, row))
-                if time.monotonic() - kept > _KEPT_EVERY:
-                    _keep(journal, waiting)
-                    kept = time.monotonic()
-                if progress is not None:
-                    progress(len(found), max(len(order), len(files.files)))
+        for group, row in in_lots(unknown(), work, _lost, crew, groups_at_once(question)):
+            found[group.key] = row
+            waiting.append((group, row))
+            if time.monotonic() - kept > _KEPT_EVERY:
+                _keep(journal, waiting)
+                kept = time.monotonic()
+            if progress is not None:
+                progress(len(found), max(len(order), len(files.files)))
+        if crew is not None:
+            crew.let_go()
     except (DataError, UsageError):
         if not (found or journal.known):
             journal.close()  # nothing to go on with

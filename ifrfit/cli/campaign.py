@@ -14,6 +14,8 @@ from ifrfit.cli.options import Scheduler, SharedCommand, Workers, command_line
 from ifrfit.cli.output import Quiet, interrupted, say, working
 from ifrfit.errors import UsageError
 
+_WORK = "ifrfit.campaign.many_groups.plain_groups"  # of the workers
+
 
 @partial(SharedCommand)
 def campaign(
@@ -60,9 +62,8 @@ def campaign(
     quiet: Quiet = False,
 ) -> None:
     """Constants of thousands of groups of impacts, and of the population they are drawn from."""
-    from ifrfit.campaign.report.folder import CAMPAIGN, write_campaign
-    from ifrfit.campaign.report.text import summary
-    from ifrfit.campaign.run import run_campaign
+    from ifrfit.campaign.report.contents import CAMPAIGN
+    from ifrfit.inference.workers.crews import crew_of
     from ifrfit.report.atomic_folder import check_free, standing
 
     if question.pop("scene") is not None:
@@ -71,7 +72,11 @@ def campaign(
     before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]
     try:
-        with working(quiet, "reading", of="groups") as progress:
+        with working(quiet, "reading", of="groups") as progress, crew_of(workers, scheduler, _WORK) as crew:
+            # a second of imports, while the workers do theirs
+            from ifrfit.campaign.report.folder import write_campaign
+            from ifrfit.campaign.run import run_campaign
+
             found, written = run_campaign(
                 question.pop("data"),
                 columns,
@@ -79,8 +84,7 @@ def campaign(
                 lambda done: write_campaign(done, out, force=force),
                 method=method,
                 facts=facts,
-                workers=workers,
-                scheduler=scheduler,
+                crew=crew,
                 resume=resume,
                 force=force,
                 command=command_line(),
@@ -90,4 +94,6 @@ def campaign(
     except KeyboardInterrupt:
         interrupted("What was found is kept: --resume goes on.")
     if not quiet:
+        from ifrfit.campaign.report.text import summary
+
         say(summary(found), out, written, before)

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import CellColumn, Cells, UnreadableKindError
@@ -58,8 +59,8 @@ class Group:
         """SHA-256 of what its cells say, and where they stand."""
         found = hashlib.sha256()
         for table in self.tables:
-            for part in (table.name, table.headers, table.lines.tolist(), table.decimal_commas):
-                found.update(repr(part).encode())
+            found.update(repr((table.name, table.headers, table.decimal_commas)).encode())
+            found.update(table.lines.tobytes())
             for column in table.columns:
                 if isinstance(column, np.ndarray):
                     found.update(column.tobytes())
@@ -234,10 +235,13 @@ class GroupedFiles:
                     f"--by {name}: {path} has no such column. It has {joined(cells.headers)}; {FILE} stands "
                     "for the name of the file."
                 )
-        places: dict[tuple[str, ...], list[int]] = {}
-        for row, key in enumerate(zip(*columns, strict=True)):
-            places.setdefault(key, []).append(row)
-        return {key: np.array(rows, dtype=np.intp) for key, rows in places.items()}
+        if not len(cells):
+            return {}
+        texts = pd.DataFrame(dict(enumerate(columns)), dtype=object)
+        group = texts.groupby(list(texts), sort=False).ngroup().to_numpy()
+        order = np.argsort(group, kind="stable")
+        rows_of = np.split(order, np.cumsum(np.bincount(group))[:-1])
+        return {tuple(column[rows[0]] for column in columns): rows for rows in rows_of}
 
     def conventions_of(self, cells: Cells) -> Conventions:
         """The conventions, under which columns that form groups and measure nothing are passed over."""

@@ -21,6 +21,7 @@ from ifrfit.campaign.report.text import summary
 from ifrfit.campaign.run import run_campaign
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.options import AngleErrors, Model, Noise
+from ifrfit.inference.workers.crews import crew_of
 
 CONSTANTS = ("e_n", "e_t", "mu")
 
@@ -42,9 +43,10 @@ def campaign_file(path, runs=4):
     return path
 
 
-def run(path, out, deliver=lambda found: [], **options):
+def run(path, out, deliver=lambda found: [], *, workers=1, **options):
     options = {"facts": False, **options}
-    return run_campaign([path], ["run"], out, deliver, **options)[0]
+    with crew_of(workers, None, "ifrfit.campaign.many_groups.plain_groups") as crew:
+        return run_campaign([path], ["run"], out, deliver, crew=crew, **options)[0]
 
 
 def test_a_group_is_fitted_as_by_itself(tmp_path):

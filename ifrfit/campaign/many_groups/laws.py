@@ -127,7 +127,9 @@ def _bend(miss: Array, x: Array, slope: Array, miss0: Array, x0: Array, slope0: 
     """What the cubic through two places, with the slopes there, adds to the straight line at the last one."""
     h = miss - miss0
     chord = (x0 - x) / h
-    bend = (miss / h) ** 2 * ((3.0 * chord - 2.0 * slope - slope0) * h + (slope + slope0 - 2.0 * chord) * miss)
+    bend = (miss / h) ** 2 * (
+        (3.0 * chord - 2.0 * slope - slope0) * h + (slope + slope0 - 2.0 * chord) * miss
+    )
     is_known = np.isfinite(bend) & (np.abs(bend) < 0.5 * np.abs(miss * slope))
     return np.where(is_known, bend, 0.0)
 
@@ -256,7 +258,7 @@ class ConstantLaw(GroupLaw):
     @property
     def in_hand(self) -> int:
         """Nodes of kappa."""
-        return self.middle.shape[1]
+        return int(self.middle.shape[1])
 
     @property
     def ends(self) -> tuple[Array, Array]:
@@ -429,7 +431,7 @@ class FrictionLaw(GroupLaw):
     @property
     def in_hand(self) -> int:
         """Those of e_n, with the powers of kappa at each."""
-        return self.scale.shape[1] * self.kappa.in_hand
+        return int(self.scale.shape[1]) * self.kappa.in_hand
 
     @property
     def ends(self) -> tuple[Array, Array]:
@@ -444,7 +446,9 @@ class FrictionLaw(GroupLaw):
         mean = self.kappa.mean * first
         sd = np.sqrt((self.kappa.mean**2 + self.kappa.sd**2) * second - mean**2)
         of_kappa = self.kappa.start(levels / whole[:, None])
-        return np.asarray(mean[:, None] + (of_kappa - self.kappa.mean[:, None]) * (sd / self.kappa.sd)[:, None])
+        return np.asarray(
+            mean[:, None] + (of_kappa - self.kappa.mean[:, None]) * (sd / self.kappa.sd)[:, None]
+        )
 
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""

@@ -135,7 +135,7 @@ class LeftOpen(OfGroups):
     @property
     def is_open(self) -> Bool:
         """Whether a quantity has no value, (groups, 4)."""
-        return np.not_equal(self.estimates, None)
+        return np.asarray(self.estimates != None, dtype=bool)  # noqa: E711 - of each element
 
 
 def _of_profile(domain: Domain, below: Array, optimum: float, is_seen: bool) -> Estimate:

@@ -52,6 +52,7 @@ Index = NDArray[np.intp]
 _UNITS = ("deg", "1")  # in which a number means the same whatever stands beside it
 _KEYS = ("gamma", "spin_x", "spin_y", "e_n")
 _FREE = 3  # e_n, the closure constant, mu
+_BY_THEMSELVES, _TOGETHER = 100, 250  # groups
 _FEW = 5  # tangential values below which nothing is ordinary
 
 
@@ -62,6 +63,11 @@ def fit_groups(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Gr
         plain[place] if place in plain else fit_group(question, files, group)
         for place, group in enumerate(groups)
     ]
+
+
+def groups_at_once(question: GroupQuestion) -> int:
+    """How many groups are given to a process as one piece of work."""
+    return _BY_THEMSELVES if _law(question) is None else _TOGETHER
 
 
 def plain_rows(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Group]) -> dict[int, Row]:

@@ -182,7 +182,9 @@ class GroupProfiles:
             above = np.flatnonzero(at_upper > most if has_end else (plateau > most))
             brackets.append(_Brackets.of(k, 0, below, first[below], lower[below]))
             brackets.append(_Brackets.of(k, 1, above, last[above], upper[above]))
-        return _Profile(rise, groups, _Brackets(*(np.concatenate(each) for each in zip(*brackets, strict=True))), found)
+        return _Profile(
+            rise, groups, _Brackets(*(np.concatenate(each) for each in zip(*brackets, strict=True))), found
+        )
 
 
 class _Brackets(NamedTuple):
@@ -210,7 +212,7 @@ class _Profile(NamedTuple):
 
 
 def _cross(profiles: Sequence[_Profile]) -> None:
-    """Write where each rise is a limit, by one search for all of them: its steps cost more than its places."""
+    """Write where each rise is a limit, by one search for all of them: steps cost more than places."""
     limit, side, row, inside, outside = (
         np.concatenate(each) for each in zip(*(each.brackets for each in profiles), strict=True)
     )

@@ -80,4 +80,6 @@ def padded(own: Index, groups: int, columns: Sequence[Array], fill: Sequence[flo
 def total(values: Array) -> Array:
     """Sum of each group one value after the other: zeros, where other groups are longer, change no bit."""
     by_place = np.ascontiguousarray(values.reshape(values.shape[0], -1).T)
+    if by_place.shape[1] == 1:  # would be summed in pairs
+        return np.cumsum(by_place)[-1:]
     return np.asarray(np.add.reduce(by_place, axis=0))

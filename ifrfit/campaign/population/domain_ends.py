@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, correlation_column
+from ifrfit.campaign.population.columns import column
 from ifrfit.campaign.population.group_likelihood import MU
 from ifrfit.campaign.population.repeated_priors import HALF_WIDTHS, SHIFT
 from ifrfit.inference.model.parameters import Parameter
@@ -69,11 +70,14 @@ def moved_by_ends(
     parameters : sequence of Parameter
     """
     found = []
+    failed = np.array([bool(row[FAILURE]) for row in rows])
     for each in (parameter for parameter in parameters if parameter.fixed is None):
-        for is_upper in (False, True):
-            moved = {number: _moved(row, each, is_upper=is_upper) for number, row in enumerate(rows)}
-            shifts = {number: shift for number, shift in moved.items() if shift is not None}
-            found.append(MovedByEnd(each.name, each.upper if is_upper else each.lower, shifts))
+        low, high = (np.where(failed, np.nan, column(rows, f"{each.name}_{end}68")) for end in ("lo", "hi"))
+        for end, default in zip(
+            (each.lower, each.upper), each.passive or (each.lower, each.upper), strict=True
+        ):
+            is_own = end == default and math.isfinite(end)
+            found.append(MovedByEnd(each.name, end, _moved(low, high, end) if is_own else {}))
     return tuple(found)
 
 
@@ -111,22 +115,13 @@ def cuts_of(
     return tuple(found)
 
 
-def _moved(row: Mapping[str, Any], parameter: Parameter, *, is_upper: bool) -> float | None:
-    """By how many of its sd an end of the default domain moves what a group says; None where by nothing."""
-    end, default = (
-        (of[1] if is_upper else of[0])
-        for of in (
-            (parameter.lower, parameter.upper),
-            parameter.passive or (parameter.lower, parameter.upper),
-        )
-    )
-    low, high = row.get(f"{parameter.name}_lo68"), row.get(f"{parameter.name}_hi68")
-    if row[FAILURE] or low is None or high is None or end != default or not math.isfinite(end):
-        return None
-    away, half = abs(end - 0.5 * (low + high)), 0.5 * (high - low)
-    return (
-        float(np.interp(away / half, *_of_cut_laws())) if half > 0.0 and away < HALF_WIDTHS * half else None
-    )
+def _moved(low: Array, high: Array, end: float) -> dict[int, float]:
+    """By how many of its sd an end moves what a row says, whose 68 % interval is given, where it does."""
+    with np.errstate(invalid="ignore"):  # open on both sides
+        away, half = np.abs(end - 0.5 * (low + high)), 0.5 * (high - low)
+    near = np.flatnonzero((half > 0.0) & (away < HALF_WIDTHS * half))
+    shifts = np.interp(away[near] / half[near], *_of_cut_laws())
+    return dict(zip(near.tolist(), shifts.tolist(), strict=True))
 
 
 @cache

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from ifrfit.campaign.group_fit import KAPPA, correlation_column
+from ifrfit.campaign.population.columns import column
 from ifrfit.campaign.population.coordinate import Coordinate
 
 Array = NDArray[np.float64]
@@ -111,6 +112,6 @@ def joint_likelihoods(
         for name, one in alone.items():
             if name in (MU, KAPPA):
                 continue
-            told = np.array([row.get(correlation_column(name, MU)) for row in rows], dtype=float)
+            told = column(rows, correlation_column(name, MU))
             shift[name] -= np.nan_to_num(told * one.sd * mu.sd * mu.tilt)
     return {name: (each.mean + shift[name], each.sd) for name, each in alone.items()}

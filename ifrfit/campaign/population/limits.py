@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
+from ifrfit.campaign.population.columns import column
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.inference.distributions.truncated_normal import half_width
 
@@ -61,27 +62,27 @@ class Limits:
     @classmethod
     def of(cls, name: str, rows: Sequence[Mapping[str, Any]], by: Coordinate) -> Limits:
         """Of the rows of a campaign's table in which a constant is one-sided."""
-        found: list[tuple[float, float, float]] = []
-        numbers: list[tuple[int, ...]] = []
-        for number, row in enumerate(rows):
-            if row.get(f"{name}_status") != "one_sided":
-                continue
-            has_value = row.get(name) is not None
-            near, far = (_OF_HALF_NORMAL if has_value else _OF_PROFILE).tolist()
-            ends = np.array([[row[f"{name}_{end}{level}"] for level in (95, 68)] for end in ("lo", "hi")])
-            is_inside = np.asarray(np.isfinite(by.to(ends.astype(float))).all(axis=1))
-            if is_inside[0] == is_inside[1]:
-                continue  # a limit has a bound at its other end
-            side = 1.0 if is_inside[0] else -1.0
-            far_end, near_end = by.to(ends[is_inside][0].astype(float)).tolist()
-            one, other = (float(ndtri(math.exp(-0.5 * z * z))) for z in (near, far))
-            width = max(side * (near_end - far_end) / (one - other), _SHARPEST)
-            found.append((near_end - side * width * one, width, side))
-            numbers.append((number,))
-        if not found:
+        status = f"{name}_status"
+        numbers = np.array([k for k, row in enumerate(rows) if row.get(status) == "one_sided"], dtype=int)
+        some = [rows[number] for number in numbers]
+        ends = np.array(
+            [[column(some, f"{name}_{end}{level}") for level in (95, 68)] for end in ("lo", "hi")]
+        )
+        is_inside = np.asarray(np.isfinite(by.to(ends)).all(axis=1))
+        kept = np.flatnonzero(is_inside[0] != is_inside[1])  # a limit has a bound at its other end
+        if not kept.size:
             return cls.none()
-        place, width, side = np.array(found).T
-        return cls(place, width, side, np.ones(place.size), tuple(numbers)).together()
+        side = np.where(is_inside[0, kept], 1.0, -1.0)
+        far_end, near_end = by.to(ends[np.where(side > 0.0, 0, 1), :, kept].T)
+        has_value = np.isfinite(column(some, name)[kept])
+        one, other = (
+            ndtri(np.exp(-0.5 * np.where(has_value, half, profile) ** 2))
+            for half, profile in zip(_OF_HALF_NORMAL, _OF_PROFILE, strict=True)
+        )
+        width = np.maximum(side * (near_end - far_end) / (one - other), _SHARPEST)
+        place = near_end - side * width * one
+        found = tuple((number,) for number in numbers[kept].tolist())
+        return cls(place, width, side, np.ones(place.size), found).together()
 
     @property
     def groups(self) -> int:

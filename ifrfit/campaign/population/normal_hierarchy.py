@@ -27,7 +27,8 @@ _KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
 _EXACT = 1e-12  # sd of a quantile
 _WIDER = 1e-9  # sd beyond the ends of a bracket
 _STEPS, _STILL = 30, 1e-6  # of Newton's method, and sd at which it is there
-_BLOCK = 2_000_000  # numbers at once
+_BLOCK = 100_000  # numbers at once
+_COARSE, _AWAY = 8, 400.0  # nodes of which one is looked at first, and log p below the best
 
 
 @dataclass(frozen=True)
@@ -75,18 +76,17 @@ class NormalHierarchy:
             raise ValueError(f"at least {FEWEST} groups with positive standard deviations are needed")
         scale = float(np.sqrt(np.mean(s**2) + np.var(y)))
         log_tau = math.log(scale) + np.linspace(-_DECADES, _DECADES, _NODES)
-        log_p, mean, variance = (np.empty(_NODES) for _ in range(3))
         limits = Limits.none() if limits is None else limits
-        step = max(1, _BLOCK // (y.size + limits.place.size))
-        for first in range(0, _NODES, step):
-            at = slice(first, first + step)
-            spread = np.exp(2.0 * log_tau[at])
-            total = s**2 + spread[:, None]
-            precision = (1.0 / total).sum(axis=1)
-            own = (y / total).sum(axis=1) / precision
-            mean[at], variance[at], censored = _peak(own, precision, spread, limits)
-            misfit = ((y - mean[at][:, None]) ** 2 / total + np.log(total)).sum(axis=1)
-            log_p[at] = 0.5 * np.log(variance[at]) - 0.5 * misfit + censored + log_tau[at]
+        found = np.full((3, _NODES), np.nan)
+        some = np.arange(0, _NODES, _COARSE)
+        found[:, some] = _given_tau(y, s, log_tau[some], limits)
+        # of many groups tau is known so well that most nodes are far away
+        near = found[0, some] > found[0, some].max() - _AWAY
+        near = near | np.append(near[1:], False) | np.append(False, near[:-1])
+        rest = np.flatnonzero(np.repeat(near, _COARSE)[_COARSE // 2 :][:_NODES] & np.isnan(found[0]))
+        found[:, rest] = _given_tau(y, s, log_tau[rest], limits)
+        known = ~np.isnan(found[0])
+        log_tau, (log_p, mean, variance) = log_tau[known], found[:, known]
         return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance), limits)
 
     def without(self, places: Index) -> NormalHierarchy:
@@ -141,6 +141,22 @@ class NormalHierarchy:
         """Quantiles of the constant of a new group, (5,)."""
         wide = np.hypot(self.sd, self.tau)
         return _mixture_quantiles(self.weight, self.mean[:, None], wide[:, None])[:, 0]
+
+
+def _given_tau(y: Array, s: Array, log_tau: Array, limits: Limits) -> Array:
+    """Of each tau its log p, but for a constant, and mean and variance of the population's mean, (3, m)."""
+    found = np.empty((3, log_tau.size))
+    step = max(1, _BLOCK // (y.size + limits.place.size))
+    for first in range(0, log_tau.size, step):
+        at = slice(first, first + step)
+        spread = np.exp(2.0 * log_tau[at])
+        total = s**2 + spread[:, None]
+        precision = (1.0 / total).sum(axis=1)
+        own = (y / total).sum(axis=1) / precision
+        mean, variance, censored = _peak(own, precision, spread, limits)
+        misfit = ((y - mean[:, None]) ** 2 / total + np.log(total)).sum(axis=1)
+        found[:, at] = 0.5 * np.log(variance) - 0.5 * misfit + censored + log_tau[at], mean, variance
+    return found
 
 
 def _peak(own: Array, precision: Array, variance: Array, limits: Limits) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.campaign.group_fit import FAILURE, KAPPA
+from ifrfit.campaign.group_fit import FAILURE, KAPPA, constants_of
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
@@ -136,8 +136,7 @@ def populations(
         Of the model, whose domains make the coordinates.
     """
     domains = {p.name: Coordinate(p.lower, p.upper) for p in parameters} | {KAPPA: Coordinate(0.0, math.inf)}
-    columns = dict.fromkeys(key for kind in dict.fromkeys(map(tuple, rows)) for key in kind)
-    names = [key.removesuffix("_status") for key in columns if key.endswith("_status")]
+    names = constants_of(rows)
     said = joint_likelihoods(rows, {name: domains[name.partition("[")[0]] for name in names})
     ends = moved_by_ends(rows, parameters)
     found: list[Population] = []

@@ -9,14 +9,12 @@ from typing import Any
 from ifrfit._version import __version__
 from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.campaign.population.partial_pooling import Population
+from ifrfit.campaign.report.contents import CAMPAIGN, PAGE, RESULTS
 from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.run import Campaign
 from ifrfit.inference.io.json_text import write_json
-from ifrfit.report.atomic_folder import Contents, deliver
-
-RESULTS, PAGE = "results.parquet", "index.html"
-CAMPAIGN = Contents("campaign.json", (RESULTS, PAGE), "campaign")
+from ifrfit.report.atomic_folder import deliver
 
 
 def write_campaign(campaign: Campaign, out: Path, *, force: bool) -> list[str]:

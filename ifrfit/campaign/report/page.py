@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row
+from ifrfit.campaign.group_fit import FAILURE, KAPPA, LOOK, Row, constants_of
 from ifrfit.campaign.population.partial_pooling import Population
 from ifrfit.campaign.report.text import between, counts, remarks, warnings
 from ifrfit.campaign.run import EMPTY, Campaign, label
@@ -34,7 +34,7 @@ _LETTER = 1.45  # millimetres
 
 def page(campaign: Campaign) -> str:
     """The page; it needs nothing from elsewhere, and whatever came from a file is escaped."""
-    constants = _constants(campaign)
+    constants = constants_of(campaign.rows)
     outlying = campaign.outlying
     odd = any(outlying)  # a column is made where it says something
     head = [*campaign.by, "rows", *constants, "p", *(["not of the population in"] if odd else []), "look"]
@@ -73,13 +73,6 @@ def page(campaign: Campaign) -> str:
         refused=campaign.refused,
         command=campaign.command,
     )
-
-
-def _constants(campaign: Campaign) -> list[str]:
-    names = (
-        name.removesuffix("_status") for row in campaign.rows for name in row if name.endswith("_status")
-    )
-    return list(dict.fromkeys(names))
 
 
 def _estimate(row: Row, name: str) -> Cell:

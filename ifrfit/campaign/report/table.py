@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from ifrfit.campaign.group_fit import columns_of
 from ifrfit.campaign.run import Campaign
 
 _SHRUNK = ("lo95", "lo68", "median", "hi68", "hi95")
@@ -21,7 +22,7 @@ def results_table(campaign: Campaign) -> pd.DataFrame:
         to be of the upper one where there are two; empty where a group has none. Last
         ``not_of_the_population``, the constants in which a group is not of the population of the others.
     """
-    names = list(dict.fromkeys(name for row in campaign.rows for name in row))
+    names = columns_of(campaign.rows)
     table = pd.DataFrame(list(campaign.rows), columns=names)
     texts = ("files", "failure", "findings", "look", "provenance")
     for name in names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE
+from ifrfit.campaign.group_fit import FAILURE, LOOK, PROVENANCE, constants_of
 from ifrfit.campaign.population.leave_one_out import FEWEST_OF_SEVERAL
 from ifrfit.campaign.population.normal_hierarchy import FEWEST
 from ifrfit.campaign.population.partial_pooling import Population
@@ -125,11 +125,9 @@ def without_population(campaign: Campaign) -> list[str]:
     """Constants that are left open in so many groups that nothing is pooled, where others are."""
     pooled = {each.name for each in campaign.populations}
     said_already = {each.name for each in campaign.mostly_open}
-    statuses = dict.fromkeys(column for row in campaign.rows for column in row if column.endswith("_status"))
     said = []
-    for column in statuses if pooled else ():
-        found = Counter(row.get(column) for row in campaign.rows)
-        name = column.removesuffix("_status")
+    for name in constants_of(campaign.rows) if pooled else ():
+        found = Counter(row.get(f"{name}_status") for row in campaign.rows)
         if name not in pooled | said_already and "fixed" not in found:
             said.append(
                 f"{name}: {found['determined']} of {campaign.fitted} groups determine it, and a population "

@@ -58,6 +58,9 @@ class Crew(Protocol):
     def submit(self, work: Callable[[Sequence[T]], R], items: Sequence[T]) -> Future[R]:
         """Give work; CrewDiedError where nobody is there to take it."""
 
+    def let_go(self) -> None:
+        """There is no further work: processes end meanwhile, and are started anew where there is."""
+
     def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
         """Wait until some of what was given is done.
 
@@ -80,23 +83,45 @@ class Crew(Protocol):
 
 @dataclass
 class Processes:
-    """Processes of this machine; after a death all of them are started anew."""
+    """Processes of this machine; after a death all of them are started anew.
+
+    Attributes
+    ----------
+    size : int
+    module : str
+        What each imports before there is work; they start at once where there is one.
+    """
 
     size: int
+    module: str = ""
     _pool: ProcessPoolExecutor | None = None
     _has_worked: bool = False
     _deaths: int = 0
     _others: Sequence[BaseProcess] = ()
 
-    def submit(self, work: Callable[[Sequence[T]], R], items: Sequence[T]) -> Future[R]:
-        """See `Crew`."""
+    def __post_init__(self) -> None:
+        if self.module:
+            self._started()
+
+    def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._others = active_children()
-            self._pool = start_processes(self.size)
+            self._pool = start_processes(self.size, self.module)
+        return self._pool
+
+    def submit(self, work: Callable[[Sequence[T]], R], items: Sequence[T]) -> Future[R]:
+        """See `Crew`."""
+        pool = self._started()
         try:
-            return self._pool.submit(work, items)
+            return pool.submit(work, items)
         except (BrokenProcessPool, OSError):  # the latter where it breaks while a further one starts
             raise self._died() from None
+
+    def let_go(self) -> None:
+        """See `Crew`."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
 
     def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
         """See `Crew`; a process that dies is started anew."""
@@ -213,6 +238,9 @@ class Cluster:
         with self._lost_is_said():
             return self._executor.submit(partial(_knowing, self._added, work), items)
 
+    def let_go(self) -> None:
+        """See `Crew`: they are somebody else's."""
+
     def first_done(self, given: Collection[Future[R]]) -> Collection[Future[R]]:
         """See `Crew`: a scheduler without workers waits for some without end."""
         missed: float | None = None
@@ -262,8 +290,15 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def crew_of(workers: int, scheduler: str | None) -> Iterator[Crew | None]:
+def crew_of(workers: int, scheduler: str | None, module: str = "") -> Iterator[Crew | None]:
     """Those who do the work; None is this process itself.
+
+    Parameters
+    ----------
+    workers : int
+    scheduler : str or None
+    module : str
+        That processes of this machine import while this one gets ready.
 
     Raises
     ------
@@ -280,10 +315,10 @@ def crew_of(workers: int, scheduler: str | None) -> Iterator[Crew | None]:
     if scheduler is None and workers == 1:
         yield None
         return
-    crew: Processes | Cluster = Processes(workers) if scheduler is None else Cluster(scheduler)
+    crew: Processes | Cluster = Processes(workers, module) if scheduler is None else Cluster(scheduler)
     try:
         yield crew
-    except (KeyboardInterrupt, GeneratorExit):
+    except BaseException:  # nothing that they are at is waited for
         if isinstance(crew, Processes):
             crew.end_at_once()
         raise

@@ -46,10 +46,17 @@ def worker_processes(workers: int) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
-def start_processes(workers: int) -> ProcessPoolExecutor:
-    """As `worker_processes`, for who looks after the death of a process himself."""
+def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
+    """As `worker_processes`, for who looks after the death of a process himself.
+
+    Parameters
+    ----------
+    workers : int
+    module : str
+        What each imports before there is work.
+    """
     added = registered_here(f"--workers {workers}")
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=register, initargs=(added,))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin, initargs=(added, module))
     # a process that were first started when work comes could start while another one dies, and Python 3.11's
     # pool would print that it cannot count its processes meanwhile
     with interrupts_deferred(), suppress(BrokenProcessPool):
@@ -132,6 +139,13 @@ def _made(owner: type) -> object:
         return owner()
     except TypeError:  # it takes arguments
         return None
+
+
+def _begin(added: list[tuple[str, str]], module: str) -> None:
+    """What a process does first."""
+    if module:
+        import_module(module)
+    register(added)
 
 
 def register(added: list[tuple[str, str]]) -> None:

@@ -12,6 +12,7 @@ from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
 from ifrfit.report.page.charts.typesetting import html as formula
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
+from ifrfit.report.page.sortable_table import cells
 from ifrfit.report.page.svg import inline
 from ifrfit.report.page.symbols import typeset
 from ifrfit.report.templating import environment
@@ -56,6 +57,7 @@ def fill(template: str, *, script: str, **content: Any) -> str:
 def page_environment() -> Environment:
     """Templates with the filters of pages."""
     found = environment()
+    found.filters["cells"] = cells
     found.filters["data_uri"] = data_uri
     found.filters["picture"] = _picture
     found.filters["typeset"] = _typeset

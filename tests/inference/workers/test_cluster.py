@@ -87,8 +87,10 @@ def test_a_campaign_is_the_same(tmp_path, local):
     folder = folder_of(tmp_path / "all", table, 2)
     rows = []
     for name, scheduler in (("here", None), ("there", local)):
-        options = {"scheduler": scheduler, "facts": False}
-        found, _ = run_campaign([folder], ["run"], tmp_path / name, lambda done: [], **options)
+        with crew_of(1, scheduler) as crew:
+            found, _ = run_campaign(
+                [folder], ["run"], tmp_path / name, lambda done: [], crew=crew, facts=False
+            )
         rows.append((found.keys, found.rows))
     assert len(rows[0][0]) == 4
     assert repr(rows[1]) == repr(rows[0])

@@ -8,11 +8,11 @@ from functools import partial
 import pytest
 from dying_workers import dying_always, dying_once, row_of
 
-from ifrfit.campaign.run import LOT
 from ifrfit.data.groups import Group
 from ifrfit.inference.workers.crews import crew_of
 from ifrfit.inference.workers.lots import in_lots
 
+LOT = 100
 GROUPS = [Group((f"{number}",), ()) for number in range(3 * LOT + 7)]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 
