@@ -87,7 +87,7 @@ class PlainLikelihoods(OfGroups):
         with np.errstate(all="ignore"):
             found = (optima.kappa > 0.0) & optima.is_unique & np.isfinite(self.e_n.sd)
             found &= (self.e_n.outside < _OUTSIDE) & (optima.beyond < _OUTSIDE)
-            found &= (curvature.is_local | curvature.is_open).all(axis=1) & curvature.is_local[:, E_N]
+            found &= curvature.is_local[:, E_N]
         return np.asarray(found)
 
     @property
@@ -97,15 +97,19 @@ class PlainLikelihoods(OfGroups):
         return np.stack((e_n, self.optima.constant, kappa / (1.0 + e_n), kappa), axis=1)
 
     def left_open(self) -> LeftOpen:
-        """What profiles say of quantities that the curvature leaves open, where that is no value."""
-        is_open = self.curvature.is_open
+        """What profiles say of quantities that the curvature leaves open, where that is no value.
+
+        Where it is a matter of digits whether it leaves one open, a profile that gives a value decides
+        nothing.
+        """
+        asked_for, is_open = ~self.curvature.is_local, self.curvature.is_open
         found = np.full(is_open.shape, None, dtype=object)
         failed = np.zeros(is_open.shape[0], dtype=bool)
-        groups = np.flatnonzero(is_open[:, _PROFILED].any(axis=1))
+        groups = np.flatnonzero(asked_for[:, _PROFILED].any(axis=1))
         if not groups.size:
             return LeftOpen(found, failed)
         some = self.of_groups(groups)
-        asked = {quantity: np.flatnonzero(is_open[groups, quantity]) for quantity in _PROFILED}
+        asked = {quantity: np.flatnonzero(asked_for[groups, quantity]) for quantity in _PROFILED}
         with np.errstate(all="ignore"):
             below = GroupProfiles.of(some.sets, some.optima, some.own, some.e_n).below(asked)
         for quantity, rows in asked.items():
@@ -115,6 +119,7 @@ class PlainLikelihoods(OfGroups):
                 estimate = _of_profile(self.domains[quantity], own, float(value), bool(seen))
                 if estimate.value is None:  # else the posterior says more
                     found[group, quantity] = estimate
+                    failed[group] |= not is_open[group, quantity]
         return LeftOpen(found, failed)
 
 
@@ -126,7 +131,7 @@ class LeftOpen(OfGroups):
     ----------
     estimates : ndarray of Estimate or None, (groups, 4)
     failed : ndarray of bool, (groups,)
-        Where profiles came to no end.
+        Where profiles came to no end, or something is open by a matter of digits.
     """
 
     estimates: NDArray[np.object_]

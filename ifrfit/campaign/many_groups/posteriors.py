@@ -126,6 +126,7 @@ def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, how: In
         clear &= likelihoods.curvature.is_local
         asked &= resolved[:, None] & ~clear
         reached, tails = _at_ends(laws, likelihoods.domains, asked)
+        resolved &= (np.isfinite(tails).all(axis=2) | (reached.sum(axis=2) != 1)).all(axis=1)
     return GroupPosteriors(
         likelihoods, resolved, clear, left_open, sd, quantiles, correlation, reached, tails
     )
