@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
+from ifrfit.campaign.population import normal_hierarchy
 from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.normal_hierarchy import FEWEST, NormalHierarchy
 from ifrfit.campaign.population.partial_pooling import populations
@@ -142,3 +143,19 @@ def test_groups_that_do_not_determine_a_constant_are_left_out():
     assert found.left_out == 1
     assert 0.1 < float(found.centre.median) < 0.14
     assert populations(rows_of([0.1, 0.2]), [Parameter("mu", 0.0, math.inf)]) == ([], [])
+
+
+@pytest.mark.parametrize("groups", [3, 40, 4000])
+@pytest.mark.parametrize("spread", [0.0, 0.02, 3.0])
+def test_nodes_of_tau_that_are_left_out_change_nothing(monkeypatch, groups, spread):
+    rng = np.random.default_rng(groups)
+    s = rng.uniform(0.05, 0.2, groups)
+    y = spread * rng.standard_normal(groups) + s * rng.standard_normal(groups)
+    found = NormalHierarchy.of(y, s)
+    monkeypatch.setattr(normal_hierarchy, "_COARSE", 1)
+    monkeypatch.setattr(normal_hierarchy, "_AWAY", math.inf)
+    whole = NormalHierarchy.of(y, s)
+    assert found.tau.size <= whole.tau.size == 1201
+    for of in ("tau_quantiles", "centre_quantiles", "new_quantiles", "member_quantiles"):
+        one, other = getattr(found, of)(), getattr(whole, of)()
+        assert np.allclose(one, other, rtol=1e-6, atol=1e-9)

@@ -95,7 +95,8 @@ class Processes:
     size: int
     module: str = ""
     _pool: ProcessPoolExecutor | None = None
-    _has_worked: bool = False
+    _first: Future[int] | None = None  # does nothing, and shows that a process lives
+    _has_started: bool = False
     _deaths: int = 0
     _others: Sequence[BaseProcess] = ()
 
@@ -107,6 +108,8 @@ class Processes:
         if self._pool is None:
             self._others = active_children()
             self._pool = start_processes(self.size, self.module)
+            with contextlib.suppress(BrokenProcessPool):
+                self._first = self._pool.submit(int)
         return self._pool
 
     def submit(self, work: Callable[[Sequence[T]], R], items: Sequence[T]) -> Future[R]:
@@ -134,11 +137,9 @@ class Processes:
     def result(self, future: Future[R]) -> R:
         """See `Crew`."""
         try:
-            found = future.result()
+            return future.result()
         except BrokenProcessPool:
             raise self._died() from None
-        self._has_worked = True
-        return found
 
     def _died(self) -> Exception:
         # one that was started while the others were ended would be waited for without end
@@ -146,7 +147,9 @@ class Processes:
             end_at_once(self._pool, self._others)
         self.close()
         self._deaths += 1
-        if not self._has_worked and self._deaths >= TRIES:
+        first = self._first
+        self._has_started |= first is not None and first.done() and first.exception() is None
+        if not self._has_started and self._deaths >= TRIES:
             return could_not_start(self.size)
         return CrewDiedError()
 

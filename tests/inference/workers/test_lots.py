@@ -51,3 +51,14 @@ def test_a_group_that_kills_each_time_is_lost_alone():
     assert len(found) == len(GROUPS)
     assert found.pop(("40",)) == {"lost": ("40",)}
     assert all(row == {"key": key} for key, row in found.items())
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_a_group_that_kills_each_time_is_lost_alone_where_it_is_the_first(workers):
+    """Three deaths before any answer were taken for processes that cannot start."""
+    few = GROUPS[:3]
+    with crew_of(workers, None) as crew:
+        found = {
+            group.key: row for group, row in in_lots(iter(few), partial(dying_always, "0"), lost, crew, LOT)
+        }
+    assert found == {("0",): {"lost": ("0",)}} | {group.key: row_of(group) for group in few[1:]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sys
 import threading
 import time
@@ -139,3 +140,31 @@ def test_a_process_that_is_killed_while_it_answers_is_noticed() -> None:
         pytest.fail("nothing was noticed")
     with pytest.raises(CrewDiedError):
         crew.result(answer)
+
+
+def test_processes_that_import_before_there_is_work_start_at_once() -> None:
+    crew = Processes(1, "ifrfit.cost.physics_costs")
+    try:
+        assert crew._pool is not None
+        assert crew.result(crew.submit(modules, ["ifrfit.cost.physics_costs"])) == [True]
+    finally:
+        crew.close()
+
+
+def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
+    crew = Processes(1)
+    try:
+        before = crew.result(crew.submit(numbers_of, [0]))
+        crew.let_go()
+        assert crew._pool is None
+        assert crew.result(crew.submit(numbers_of, [0])) != before
+    finally:
+        crew.close()
+
+
+def modules(names: Sequence[str]) -> list[bool]:
+    return [name in sys.modules for name in names]
+
+
+def numbers_of(items: Sequence[int]) -> list[int]:
+    return [os.getpid() for _ in items]

@@ -1,0 +1,91 @@
+"""Quantiles of the laws of many groups: all are found, and each is where its law has the level."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import brentq
+
+from ifrfit.campaign.many_groups.laws import NODES, ConstantLaw, FrictionLaw, KappaLaw, RestitutionLaw
+from ifrfit.inference.distributions.protocol import LEVELS
+
+EXACT = 1e-6
+DOMAIN = (-1.0, 1.0)
+
+
+def kappa_law(rng, groups, *, plateau=0.0, panels=60):
+    """A peak of any sharpness, and with it some share of all on a plateau that goes on to its end."""
+    place, sd = rng.uniform(0.2, 0.8, groups), np.exp(rng.uniform(np.log(2e-3), np.log(0.05), groups))
+    peak = place[:, None] + sd[:, None] * np.linspace(-8.0, 8.0, panels)
+    edges = np.concatenate((peak, np.linspace(1.5, 3.2, 6) * np.ones((groups, 1))), axis=1)
+    half = 0.5 * np.diff(edges, axis=1)[:, :, None]
+    nodes = edges[:, :-1, None] + half * (1.0 + NODES)
+    z = (nodes - place[:, None, None]) / sd[:, None, None]
+    share = plateau * rng.random((groups, 1, 1))
+    height = share / (3.2 - place[:, None, None]) * stats.norm.cdf(z)
+    density = (1.0 - share) * stats.norm.pdf(z) / sd[:, None, None] + height
+    mass = (
+        KappaLaw.made(edges, nodes, density).upto[:, -1] + (density[:, -1] * half[:, -1]).mean(axis=1) * 2.0
+    )
+    return KappaLaw.made(edges, nodes, density / mass[:, None, None])
+
+
+def restitution_law(rng, groups):
+    return RestitutionLaw.made(rng.uniform(0.5, 1.0, groups), np.full(groups, 2e-3), (0.0, 1.0))
+
+
+def constant_law(rng, groups, nodes=120):
+    """Normal laws side by side, of which a bound cuts some."""
+    middle = rng.uniform(-1.05, -0.5, (groups, 1)) + np.linspace(0.0, 0.3, nodes)
+    width = np.exp(rng.uniform(np.log(0.02), np.log(0.2), (groups, 1))) * np.ones(nodes)
+    height = stats.norm.pdf(np.linspace(-5.0, 5.0, nodes)) * np.ones((groups, 1))
+    between = stats.norm.cdf(1.0, middle, width) - stats.norm.cdf(-1.0, middle, width)
+    height /= (height * between).sum(axis=1, keepdims=True)
+    return ConstantLaw.made(middle[:, :, None], width[:, :, None], height[:, :, None], DOMAIN)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["peak", "plateau", "friction", "friction of a plateau", "e_n", "constant"])
+def test_each_quantile_is_found(kind, seed):
+    rng = np.random.default_rng([seed, 3])
+    groups = 400
+    law = {
+        "peak": lambda: kappa_law(rng, groups),
+        "plateau": lambda: kappa_law(rng, groups, plateau=1.0),
+        "friction": lambda: FrictionLaw.made(kappa_law(rng, groups), restitution_law(rng, groups)),
+        "friction of a plateau": lambda: FrictionLaw.made(
+            kappa_law(rng, groups, plateau=1.0), restitution_law(rng, groups)
+        ),
+        "e_n": lambda: restitution_law(rng, groups),
+        "constant": lambda: constant_law(rng, groups),
+    }[kind]()
+    found = law.quantiles(np.array(LEVELS))
+    assert np.isfinite(found).all()
+    share, density = law.below(found)
+    off = np.abs(share - LEVELS) / np.maximum(density * law.sd[:, None], 1e-3)  # in sd, where the law is one
+    assert off.max() < 1e-5
+    assert np.median(off) < EXACT / 100.0
+
+
+def test_a_constant_against_the_root_of_its_mixture():
+    law = constant_law(np.random.default_rng(5), 5)
+    found = law.quantiles(np.array(LEVELS))
+    for group in range(5):
+        z = stats.norm(law.middle[group], law.width[group])
+
+        def share(x, z=z, height=law.height[group]):
+            return float((height * (z.cdf(x) - z.cdf(DOMAIN[0]))).sum())
+
+        for level, x in zip(LEVELS, found[group], strict=True):
+            exact = brentq(lambda x, level=level: share(x) - level, *DOMAIN, xtol=1e-14)
+            assert x == pytest.approx(exact, abs=EXACT * law.sd[group])
+            assert law.share(np.full((5, 1), x))[group, 0] == pytest.approx(level, abs=1e-7)
+
+
+def test_a_group_has_the_quantiles_that_it_has_alone():
+    law = constant_law(np.random.default_rng(6), 500)
+    found = law.quantiles(np.array(LEVELS))
+    for group in (0, 17, 499):
+        alone = law.of_groups(np.array([group])).quantiles(np.array(LEVELS))
+        assert np.array_equal(alone[0], found[group])
