@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from factories import problem_of
 from refusals import refused
@@ -17,6 +18,7 @@ from ifrfit.data.catalogue import printed_constants
 from ifrfit.inference.diagnostics.optimum_facts import noise_converged
 from ifrfit.inference.estimators import ESTIMATORS, MCMC, Bootstrap
 from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.physics import rebound
 
 GAMMA = np.linspace(4.0, 86.0, 34)
 
@@ -282,3 +284,17 @@ def test_values_that_count_no_unknown_noise():
         gamma_deg=[14.604451689319585] * 6, tan_psi_after=tangent, beta_tot=total, closure="f", method="lsq"
     )
     assert found.constants.e_n.status == "not_determined"
+
+
+@pytest.mark.parametrize("method", ["exact", "lsq", "profile"])
+def test_sigma_so_small_that_chi2_has_no_digits_is_refused(method):
+    """It was an internal error of one method, and ten minutes of another."""
+    gamma = np.linspace(10.0, 80.0, 20)
+    state = rebound(gamma, 0.0, 0.0, degrees=True, e_n=0.8, e_t=-0.6, mu=0.2)
+    scatter = 0.02 * np.random.default_rng(0).standard_normal((2, 20))
+    columns = {"gamma_deg": gamma, "beta": state.beta + scatter[0], "e_n": 0.8 + scatter[1]}
+    for sigma in (1e-10, 1e-13):
+        table = pd.DataFrame(columns | {"sigma_beta": sigma, "sigma_e_n": sigma})
+        with refused(DataError, match=r"no digits are left .* --noise scaled"):
+            ifrfit.fit(table, method=method)
+        assert ifrfit.fit(table, method=method, noise="scaled").constants["e_n"].status == "determined"

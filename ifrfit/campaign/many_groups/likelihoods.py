@@ -17,6 +17,7 @@ from ifrfit.campaign.many_groups.quantities import E_N, KAPPA, MU, OWN
 from ifrfit.campaign.many_groups.sticking_sets import GroupOptima, StickingSets
 from ifrfit.campaign.many_groups.values import Restitution, Tangential, total
 from ifrfit.inference.model.parameters import Domain
+from ifrfit.inference.optimize.least_squares import NO_DIGITS
 from ifrfit.inference.profile.intervals import marginal_of_profile
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.status import Known, estimate_of
@@ -87,7 +88,7 @@ class PlainLikelihoods(OfGroups):
         with np.errstate(all="ignore"):
             found = (optima.kappa > 0.0) & optima.is_unique & np.isfinite(self.e_n.sd)
             found &= (self.e_n.outside < _OUTSIDE) & (optima.beyond < _OUTSIDE)
-            found &= curvature.is_local[:, E_N]
+            found &= curvature.is_local[:, E_N] & (self.chi2 < NO_DIGITS)
         return np.asarray(found)
 
     @property

@@ -40,6 +40,7 @@ _ITERATIONS = 100
 _CONVERGED = 1e-10
 _REFITTED = 1e-6  # of a noise of which a test or a start is made
 _SEARCHES = 3  # over an angle offset
+NO_DIGITS = 1e15  # chi2 in which a difference of 1 is lost in rounding
 _REWEIGHTINGS = 60
 _PATIENCE = 8  # of them, for a smaller change
 _WEIGHTS_CONVERGED = 1e-8
@@ -119,8 +120,16 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
     Raises
     ------
     DataError
-        If the noise is to come from the misfit and a group could be fitted exactly.
+        If the noise is to come from the misfit and a group could be fitted exactly, or given sigma are so
+        small that chi2 has no digits.
     """
+    found = _least_squares(problem, start, proven=proven)
+    if problem.noise.is_known:
+        _refuse_lost_digits(found.optimum.objective)
+    return found
+
+
+def _least_squares(problem: Problem, start: Array | None, *, proven: bool) -> LeastSquaresFit:
     if problem.common is not None:
         return with_common_errors(problem, _at_common, start, proven=proven)
     if problem.parameters.is_tied and not problem.noise.is_known:
@@ -130,6 +139,15 @@ def least_squares(problem: Problem, start: Array | None = None, *, proven: bool 
     if problem.error_model.offset is not None:
         return _with_angle_offset(problem, start)
     return _with_plain_errors(problem, start, proven=proven)
+
+
+def _refuse_lost_digits(objective: float) -> None:
+    """Refuse a chi2 so large that a difference of 1 is lost in rounding."""
+    if objective > NO_DIGITS:
+        raise DataError(
+            f"chi2 of the best fit is {objective:.0e}: sigma is so small that no digits are left to tell one "
+            "constant from another. Correct sigma, or take --noise scaled, which keeps its proportions alone."
+        )
 
 
 def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
