@@ -2,7 +2,8 @@
 
 A group whose e_t may be -1 has a posterior that ends there, and whatever is correlated with e_t moves along.
 In one group that is knowledge; over n groups it counts n times, as bounds of the user's do
-(`repeated_priors`). Groups that the end leaves open count as limits (`limits`), and are not among these.
+(`repeated_priors`). Groups that the end leaves open count as limits (`limits`), and are not among these;
+where they are many, what the others say near the end is skewed.
 """
 
 from __future__ import annotations
@@ -19,12 +20,17 @@ from scipy import special
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, correlation_column
 from ifrfit.campaign.population.columns import column
+from ifrfit.campaign.population.coordinate import Coordinate
 from ifrfit.campaign.population.group_likelihood import MU
+from ifrfit.campaign.population.limits import Limits
 from ifrfit.campaign.population.repeated_priors import HALF_WIDTHS, SHIFT
 from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
 
+# shares of groups with limits that move nothing, and from which on they move as much as they can: that much,
+# in sd of a group; and how far groups have to be shrunk, as those that are alike are
+_FEW_LIMITS, _MANY_LIMITS, _BY_LIMITS, _ALIKE = 0.1, 0.3, 0.55, 0.3
 _MOST = 1.0  # sd: nearer to the end the distance tells little
 
 
@@ -112,6 +118,36 @@ def cuts_of(
         shift = total / math.sqrt(max(pooled.size, 1))
         if shift > SHIFT:
             found.append(CutByEnd(constant, end, len(shifts), shift))
+    return tuple(found)
+
+
+def cuts_of_limits(
+    name: str, by: Coordinate, limits: Limits, pooled: int, shrinkage: float
+) -> tuple[CutByEnd, ...]:
+    """Ends near which so many groups give limits that they may move the population of groups that are alike.
+
+    Limits are groups that chance carried over the line, so that their neighbours lie near the end, too, where
+    what they say is far from normal. 140 random campaigns in which e_t was low by more the more limits there
+    were (docs/campaigns.md) are where the size is from.
+
+    Parameters
+    ----------
+    name : str
+        The constant.
+    by : Coordinate
+    limits : Limits
+    pooled : int
+        Groups that determine it.
+    shrinkage : float
+        Of the median group.
+    """
+    found = []
+    for side, end in ((-1.0, by.lower), (1.0, by.upper)):
+        count = round(float(limits.count[limits.side == side].sum()))
+        share = count / max(pooled + limits.groups, 1)
+        if math.isfinite(end) and share >= _FEW_LIMITS and shrinkage >= _ALIKE:
+            shift = _BY_LIMITS * min(share / _MANY_LIMITS, 1.0) * math.sqrt(pooled)
+            found.append(CutByEnd(name, end, count, shift))
     return tuple(found)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ifrfit.campaign.group_fit import FAILURE, KAPPA, constants_of
 from ifrfit.campaign.population.coordinate import Coordinate
-from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, moved_by_ends
+from ifrfit.campaign.population.domain_ends import CutByEnd, cuts_of, cuts_of_limits, moved_by_ends
 from ifrfit.campaign.population.group_likelihood import joint_likelihoods
 from ifrfit.campaign.population.groups_left_out import GroupsLeftOut, groups_left_out
 from ifrfit.campaign.population.leave_one_out import (
@@ -150,7 +150,8 @@ def populations(
             continue
         one = _population(name, rows, by, *said[name], limits)
         if one is not None:
-            found.append(replace(one, cut=cuts_of(name, one.groups, rows, ends)))
+            of_limits = cuts_of_limits(name, by, limits, one.groups.size, float(np.median(one.shrinkage)))
+            found.append(replace(one, cut=(*cuts_of(name, one.groups, rows, ends), *of_limits)))
     return found, mostly_open
 
 
