@@ -173,7 +173,10 @@ class Cells:
         """Return the cells of a column as stripped text."""
         cells = self._cells(column)
         if isinstance(cells, np.ndarray):
-            return ["" if math.isnan(x) else str(int(x)) if x == int(x) else repr(float(x)) for x in cells]
+            return [
+                "" if math.isnan(x) else str(int(x)) if math.isfinite(x) and x == int(x) else repr(float(x))
+                for x in cells
+            ]
         return [cell.strip() for cell in cells]
 
     def _cells(self, column: int) -> CellColumn:

@@ -124,6 +124,12 @@ def test_parquet_numbers_are_keys_as_text(tmp_path):
     np.testing.assert_array_equal(found[0].tables[0].numbers(1), [10.0, 20.0])
 
 
+def test_a_number_without_end_is_a_key(tmp_path):
+    path = tmp_path / "a.parquet"
+    pd.DataFrame({"run": [1.0, np.inf, 1.5, np.inf], "beta": 0.1}).to_parquet(path, index=False)
+    assert [group.key for group in grouped([path], "run").groups()] == [("1",), ("inf",), ("1.5",)]
+
+
 def test_a_file_that_cannot_be_read_takes_nothing_from_the_others(tmp_path):
     write(tmp_path / "a.csv", "steel,10,0.1")
     (tmp_path / "b.parquet").write_bytes(b"PAR1 and no more")

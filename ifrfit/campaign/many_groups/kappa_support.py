@@ -17,6 +17,7 @@ Bool = NDArray[np.bool_]
 _NEAR = 48.0  # of chi2 above the best within which the sharpness of kappa is looked at
 _LOST = math.log(1e-6)  # of the variance of kappa, at most, beyond where the mass ends
 _HALVINGS = 30
+_BESIDE = 3.0  # sd from the least of a set, and from a bound of the closure constant
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,12 @@ class KappaSupport(OfGroups):
         _, _, _, f3, f4, f5 = sets.coefficients
         low, high = sets.walls[:, :-1], sets.walls[:, 1:]
         best, inner = optima.chi2, optima.places
-        # how sharply a set's chi2 rises with kappa, were the closure constant free
+        # how sharply a set's chi2 rises with kappa: where a bound holds the closure constant, more so
         bend = f5 - f4**2 / (4.0 * f3)
+        aside = inner + np.array([[[-1.0]], [[0.0]], [[1.0]]]) * _BESIDE / np.sqrt(bend)
+        own = -(sets.coefficients[1] + f4 * np.clip(aside, low, high)) / (2.0 * f3)
+        away = np.minimum(own - domain[0], domain[1] - own) * np.sqrt(f3)
+        bend = np.where((away < _BESIDE).any(axis=0), f5, bend)
         sd = 1.0 / np.sqrt(np.where(optima.least < best[:, None] + _NEAR, bend, 0.0).max(axis=1))
         # a plateau as long as all that kappa may be, and what it adds to the variance
         above = 2.0 * (3.0 * np.log(highest / sd) - _LOST)

@@ -424,9 +424,7 @@ class FrictionLaw(GroupLaw):
     def made(cls, kappa: KappaLaw, e_n: RestitutionLaw) -> FrictionLaw:
         """From both laws."""
         scale = 1.0 + e_n.nodes
-        mean = kappa.mean * (e_n.mass / scale).sum(axis=1)
-        square = (kappa.mean**2 + kappa.sd**2) * (e_n.mass / scale**2).sum(axis=1)
-        return cls(kappa, scale, e_n.mass, mean, np.sqrt(square - mean**2))
+        return cls(kappa, scale, e_n.mass, *_over(kappa, scale, e_n.mass))
 
     @property
     def in_hand(self) -> int:
@@ -442,13 +440,9 @@ class FrictionLaw(GroupLaw):
     def start(self, levels: Array) -> Array:
         """Near the quantiles, (groups, n): those of kappa, moved and stretched by what e_n adds."""
         whole = self.mass.sum(axis=1)  # more than all where the law is cut
-        first, second = ((self.mass / self.scale**k).sum(axis=1) / whole for k in (1, 2))
-        mean = self.kappa.mean * first
-        sd = np.sqrt((self.kappa.mean**2 + self.kappa.sd**2) * second - mean**2)
-        of_kappa = self.kappa.start(levels / whole[:, None])
-        return np.asarray(
-            mean[:, None] + (of_kappa - self.kappa.mean[:, None]) * (sd / self.kappa.sd)[:, None]
-        )
+        mean, sd = _over(self.kappa, self.scale, self.mass / whole[:, None])
+        away = self.kappa.start(levels / whole[:, None]) - self.kappa.mean[:, None]
+        return np.asarray(mean[:, None] + away * (sd / self.kappa.sd)[:, None])
 
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""
@@ -457,3 +451,11 @@ class FrictionLaw(GroupLaw):
         share, density = share.reshape(kappa.shape), density.reshape(kappa.shape)
         weight = self.mass[:, None]
         return (share * weight).sum(axis=2), (density * weight * self.scale[:, None]).sum(axis=2)
+
+
+def _over(kappa: KappaLaw, scale: Array, mass: Array) -> tuple[Array, Array]:
+    """Mean and sd of kappa over an independent scale, whose nodes have these masses; (groups,) each."""
+    inverse = 1.0 / scale
+    mean = (mass * inverse).sum(axis=1)
+    variance = (mass * (inverse - mean[:, None]) ** 2).sum(axis=1)
+    return kappa.mean * mean, np.hypot(kappa.sd * np.sqrt(mean**2 + variance), kappa.mean * np.sqrt(variance))

@@ -126,18 +126,18 @@ def laws_up_to(
     mass = mass / scale[:, None, None]
 
     def mean_of(over: int, times: int) -> Array:
-        """Mean of mu^over e_n^times."""
+        """Mean of mu^over (e_n - its mean alone)^times."""
         return total(mass * nodes**over * moments[over, times])
 
-    e_mean, mu_mean = mean_of(0, 1), mean_of(1, 0)
-    e_sd = np.sqrt(mean_of(0, 2) - e_mean**2)
+    e_off, mu_mean = mean_of(0, 1), mean_of(1, 0)
+    e_sd = np.sqrt(mean_of(0, 2) - e_off**2)
     mu_sd = np.sqrt(mean_of(2, 0) - mu_mean**2)
     of_kappa = KappaLaw.made(kappa.edges, nodes, density * left / scale[:, None, None])
     weight = left.reshape(shape[0], -1) / scale[:, None]
     of_own = own.weighted(weight)
     mu = _CutFriction(kappa, 1.0 + e_n.nodes, e_n.mass / scale[:, None], mu_mean, mu_sd, most)
     laws = (
-        _CutRestitution(e_n, kappa, most, scale, e_mean, e_sd),
+        _CutRestitution(e_n, kappa, most, scale, e_n.mean + e_off, e_sd),
         of_own.without_small_ones(),
         mu,
         of_kappa,
@@ -149,31 +149,31 @@ def laws_up_to(
     for i, j, covariance in (
         (E_N, OWN, total(centred * moments[0, 1])),
         (OWN, MU, total(centred * nodes * moments[1, 0])),
-        (E_N, MU, mean_of(1, 1) - e_mean * mu_mean),
+        (E_N, MU, mean_of(1, 1) - e_off * mu_mean),
     ):
         found[:, i, j] = found[:, j, i] = covariance / (laws[i].sd * laws[j].sd)
     return laws, found
 
 
 def _moments(most: float, e_n: RestitutionLaw, nodes: Array) -> list[tuple[tuple[int, int], Array, Array]]:
-    """Integrals of e_n^j/(1 + e_n)^i over e_n, and from kappa/M - 1 on; (i, j) first."""
-    flat = nodes.reshape(nodes.shape[0], -1)
+    """Integrals of (e_n - m)^j/(1 + e_n)^i over e_n of mean m, and from kappa/M - 1 on; (i, j) first."""
+    flat, mean = nodes.reshape(nodes.shape[0], -1), e_n.mean[:, None]
     e, mass = e_n.between(flat / most - 1.0, np.broadcast_to(e_n.high[:, None], flat.shape))
-    parts = [each.reshape(nodes.shape) for each in _powers(e, mass)]
-    wholes = [np.repeat(each[:, None, None], nodes.shape[2], axis=2) for each in _powers(e_n.nodes, e_n.mass)]
-    return list(zip(_ORDERS, wholes, parts, strict=True))
+    parts = [each.reshape(nodes.shape) for each in _powers(e, mass, mean[:, :, None])]
+    wholes = _powers(e_n.nodes, e_n.mass, mean)
+    repeated = [np.repeat(each[:, None, None], nodes.shape[2], axis=2) for each in wholes]
+    return list(zip(_ORDERS, repeated, parts, strict=True))
 
 
-def _powers(e: Array, mass: Array) -> list[Array]:
-    """Sums of e^j/(1 + e)^i over the last axis, (i, j) as in `_ORDERS`."""
-    share = mass / (1.0 + e)
-    of_mass, of_share = mass.sum(axis=-1), share.sum(axis=-1)
-    first = mass * e
+def _powers(e: Array, mass: Array, mean: Array) -> list[Array]:
+    """Sums of (e - mean)^j/(1 + e)^i over the last axis, (i, j) as in `_ORDERS`."""
+    share, off = mass / (1.0 + e), e - mean
+    first = mass * off
     return [
-        of_mass,
+        mass.sum(axis=-1),
         first.sum(axis=-1),
-        (first * e).sum(axis=-1),
-        of_share,
-        of_mass - of_share,
+        (first * off).sum(axis=-1),
+        share.sum(axis=-1),
+        (share * off).sum(axis=-1),
         (share / (1.0 + e)).sum(axis=-1),
     ]

@@ -65,7 +65,8 @@ class GroupProfiles:
         """From the sets of each group and the least chi2 of each."""
         best, least, places = optima.chi2[:, None], optima.least, optima.places
         rise = least - best
-        most = int((rise <= max(LIMITS)).sum(axis=1).max(initial=1))
+        rise = np.where(rise <= max(LIMITS), rise, np.inf)  # whatever other groups have room for
+        most = int(np.isfinite(rise).sum(axis=1).max(initial=1))
         nearest = np.sort(np.argsort(rise, axis=1, kind="stable")[:, :most], axis=1)
 
         def near(values: Array) -> Array:

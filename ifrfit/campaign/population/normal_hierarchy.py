@@ -21,14 +21,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 FEWEST = 3  # groups: of fewer the posterior of tau is not proper
-_NODES = 1201  # of log tau
+_NODES, _FINE = 1201, 301  # of log tau, and of its peak
+_COARSE, _AWAY, _PEAK = 8, 400.0, 40.0  # nodes of which one is looked at first; log p below the best
 _DECADES = 14.0  # e-folds of tau below and above the scale of the groups
 _KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
+_SHARP, _KEPT_OF_SHARP = 0.05, 12  # sd of log tau below which its shape plays no part, and nodes then
 _EXACT = 1e-12  # sd of a quantile
 _WIDER = 1e-9  # sd beyond the ends of a bracket
 _STEPS, _STILL = 30, 1e-6  # of Newton's method, and sd at which it is there
 _BLOCK = 100_000  # numbers at once
-_COARSE, _AWAY = 8, 400.0  # nodes of which one is looked at first, and log p below the best
 
 
 @dataclass(frozen=True)
@@ -75,18 +76,28 @@ class NormalHierarchy:
         if y.size < FEWEST or not (np.isfinite(y).all() and np.isfinite(s).all() and (s > 0.0).all()):
             raise ValueError(f"at least {FEWEST} groups with positive standard deviations are needed")
         scale = float(np.sqrt(np.mean(s**2) + np.var(y)))
-        log_tau = math.log(scale) + np.linspace(-_DECADES, _DECADES, _NODES)
         limits = Limits.none() if limits is None else limits
+        log_tau = math.log(scale) + np.linspace(-_DECADES, _DECADES, _NODES)
         found = np.full((3, _NODES), np.nan)
         some = np.arange(0, _NODES, _COARSE)
         found[:, some] = _given_tau(y, s, log_tau[some], limits)
-        # of many groups tau is known so well that most nodes are far away
-        near = found[0, some] > found[0, some].max() - _AWAY
-        near = near | np.append(near[1:], False) | np.append(False, near[:-1])
+        # of many groups most nodes are far away, even without one of them
+        near = _with_neighbours(found[0, some] > found[0, some].max() - _AWAY)
         rest = np.flatnonzero(np.repeat(near, _COARSE)[_COARSE // 2 :][:_NODES] & np.isnan(found[0]))
         found[:, rest] = _given_tau(y, s, log_tau[rest], limits)
         known = ~np.isnan(found[0])
-        log_tau, (log_p, mean, variance) = log_tau[known], found[:, known]
+        log_tau, found = log_tau[known], found[:, known]
+        peak = np.flatnonzero(_with_neighbours(found[0] > found[0].max() - _PEAK))
+        if peak[-1] - peak[0] < _FINE // 2:  # and tau is known so well that it lies between few of them
+            between = np.linspace(log_tau[peak[0]], log_tau[peak[-1]], _FINE)[1:-1]
+            log_tau = np.append(log_tau, between)
+            found = np.append(found, _given_tau(y, s, between, limits), axis=1)
+            order = np.argsort(log_tau, kind="stable")
+            log_tau, found = log_tau[order], found[:, order]
+        middles = 0.5 * (log_tau[1:] + log_tau[:-1])
+        width = np.diff(middles, prepend=log_tau[0], append=log_tau[-1])
+        log_p, mean, variance = found
+        log_p = log_p + np.log(np.maximum(width, 1e-300))
         return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance), limits)
 
     def without(self, places: Index) -> NormalHierarchy:
@@ -100,13 +111,15 @@ class NormalHierarchy:
 
     def thinned(self) -> NormalHierarchy:
         """The same over fewer nodes, each with the mass about it: for quantiles of many groups."""
-        mass = self.weight
-        place = np.minimum((np.cumsum(mass) * _KEPT).astype(int), _KEPT - 1)
-        weight: Array = np.bincount(place, mass, _KEPT).astype(float)
+        mass, log_tau = self.weight, np.log(self.tau)
+        spread = math.sqrt(float(mass @ (log_tau - mass @ log_tau) ** 2))
+        kept = _KEPT if spread > _SHARP else _KEPT_OF_SHARP
+        place = np.minimum((np.cumsum(mass) * kept).astype(int), kept - 1)
+        weight: Array = np.bincount(place, mass, kept).astype(float)
         seen = weight > 0.0
 
         def average(x: NDArray[Any]) -> Array:
-            summed = np.bincount(place, mass * x, _KEPT)[seen]
+            summed = np.bincount(place, mass * x, kept)[seen]
             return np.asarray(summed / weight[seen])
 
         return NormalHierarchy(
@@ -141,6 +154,10 @@ class NormalHierarchy:
         """Quantiles of the constant of a new group, (5,)."""
         wide = np.hypot(self.sd, self.tau)
         return _mixture_quantiles(self.weight, self.mean[:, None], wide[:, None])[:, 0]
+
+
+def _with_neighbours(chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return np.asarray(chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1]))
 
 
 def _given_tau(y: Array, s: Array, log_tau: Array, limits: Limits) -> Array:

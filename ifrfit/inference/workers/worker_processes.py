@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+import threading
 from collections.abc import Collection, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 
 from ifrfit.errors import UsageError
@@ -143,9 +145,18 @@ def _made(owner: type) -> object:
 
 def _begin(added: list[tuple[str, str]], module: str) -> None:
     """What a process does first."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     if module:
         import_module(module)
     register(added)
+
+
+def _end_with_parent() -> None:
+    """End where the process that gives the work was killed: its pipes would be waited at without end."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def register(added: list[tuple[str, str]]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import subprocess
 import sys
 import threading
 import time
@@ -160,6 +162,36 @@ def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
         assert crew.result(crew.submit(numbers_of, [0])) != before
     finally:
         crew.close()
+
+
+_GIVES_WORK = """
+import os, signal, sys
+from ifrfit.inference.workers.crews import Processes
+sys.path.insert(0, {folder!r})
+from test_worker_processes import numbers_of
+if __name__ == "__main__":
+    crew = Processes(2)
+    print(*crew.result(crew.submit(numbers_of, [0])), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+def test_processes_end_with_the_one_that_gives_them_work(tmp_path: Path) -> None:
+    """They waited for work without end, and who reads their output for them."""
+    script = tmp_path / "work.py"
+    script.write_text(_GIVES_WORK.format(folder=str(Path(__file__).parent)), encoding="utf-8")
+    path = os.pathsep.join([*sys.path, os.environ.get("PYTHONPATH", "")])
+    found = subprocess.run(
+        [sys.executable, str(script)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ | {"PYTHONPATH": path},
+        check=False,
+    )  # which ends when nobody holds the output any longer
+    assert found.returncode == -signal.SIGKILL
+    assert int(found.stdout) > 0
 
 
 def modules(names: Sequence[str]) -> list[bool]:
