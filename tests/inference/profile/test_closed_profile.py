@@ -243,6 +243,6 @@ def test_what_is_left_to_the_search(tmp_path) -> None:
 def test_sums_that_lose_the_digits_of_a_profile_are_left_to_the_search() -> None:
     problem = plain_problem(0, "known")
     assert Misfit.of(problem, least_squares(problem)).separable(0) is not None
-    # chi2 is 1e16 times what it was: its rounding error some units
-    sharp = replace(problem, noise=replace(problem.noise, sigma=1e-8 * problem.noise.sigma))
+    # chi2 is 4e14 times what it was, and its rounding error a tenth
+    sharp = replace(problem, noise=replace(problem.noise, sigma=5e-8 * problem.noise.sigma))
     assert Misfit.of(sharp, least_squares(sharp)).separable(0) is None
