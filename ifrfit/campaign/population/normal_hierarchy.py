@@ -97,7 +97,7 @@ class NormalHierarchy:
         middles = 0.5 * (log_tau[1:] + log_tau[:-1])
         width = np.diff(middles, prepend=log_tau[0], append=log_tau[-1])
         log_p, mean, variance = found
-        log_p = log_p + np.log(np.maximum(width, 1e-300))
+        log_p = log_p + np.log(width)
         return cls(y, s, np.exp(log_tau), log_p - logsumexp(log_p), mean, np.sqrt(variance), limits)
 
     def without(self, places: Index) -> NormalHierarchy:

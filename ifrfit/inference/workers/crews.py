@@ -148,7 +148,8 @@ class Processes:
         self.close()
         self._deaths += 1
         first = self._first
-        self._has_started |= first is not None and first.done() and first.exception() is None
+        if first is not None and first.done() and not first.cancelled():
+            self._has_started |= first.exception() is None
         if not self._has_started and self._deaths >= TRIES:
             return could_not_start(self.size)
         return CrewDiedError()
