@@ -131,7 +131,7 @@ def _findings(found: FitResult, *, facts: bool) -> Row:
     if isinstance(kappa, Estimate):
         estimates[KAPPA] = kappa
     for name, estimate in estimates.items():
-        row |= estimate_columns(name, estimate)
+        row |= zip(estimate_columns(name), estimate_cells(estimate), strict=True)
     row |= _correlations(found)
     row |= {name: _number(getattr(found.fit, name)) for name in ("chi2", "dof", "p_value")}
     if facts:
@@ -154,15 +154,15 @@ def correlation_column(one: str, other: str) -> str:
     return "correlation_" + "_".join(sorted((one, other)))
 
 
-def estimate_columns(name: str, estimate: Estimate) -> Row:
-    """What the table holds of a quantity."""
-    low68, high68 = estimate.interval68
-    low95, high95 = estimate.interval95
-    parts = (estimate.stderr, low68, high68, low95, high95)
-    row: Row = {name: _number(estimate.value)}
-    row |= {f"{name}_{part}": _number(value) for part, value in zip(PARTS, parts, strict=False)}
-    row[f"{name}_status"] = estimate.status
-    return row
+def estimate_columns(name: str) -> tuple[str, ...]:
+    """What the columns of a quantity are called: value, sd, ends of the intervals and status."""
+    return (name, *(f"{name}_{part}" for part in PARTS))
+
+
+def estimate_cells(estimate: Estimate) -> tuple[float | str | None, ...]:
+    """What the table holds there."""
+    numbers = (estimate.value, estimate.stderr, *estimate.interval68, *estimate.interval95)
+    return (*map(_number, numbers), estimate.status)
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]]) -> list[str]:

@@ -138,7 +138,7 @@ def laws_up_to(
     mu = _CutFriction(kappa, 1.0 + e_n.nodes, e_n.mass / scale[:, None], mu_mean, mu_sd, most)
     laws = (
         _CutRestitution(e_n, kappa, most, scale, e_n.mean + e_off, e_sd),
-        of_own.without_small_ones(),
+        of_own.with_fewer_nodes(),
         mu,
         of_kappa,
     )

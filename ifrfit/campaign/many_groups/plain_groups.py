@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from ifrfit.campaign.group_fit import (
 )
 from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.posteriors import GroupPosteriors, group_posteriors
-from ifrfit.campaign.many_groups.transition_integral import INTEGRATIONS
+from ifrfit.campaign.many_groups.transition_integral import alike_groups
 from ifrfit.campaign.many_groups.values import Restitution, Tangential, padded
 from ifrfit.data.cell_table import CellColumn, Cells
 from ifrfit.data.column_layout import Layout
@@ -153,21 +154,20 @@ def _rows(
     ends = domains["e_n"].lower, domains["e_n"].upper
     values = _Values.of(batch, own, len(alike), oblique, inertia, ends)
     every = PlainLikelihoods.of(values.tangential, values.e_n, law, tuple(domains.values()))
-    certain = np.flatnonzero(clean & values.ordinary & (values.oblique >= _FEW) & every.is_certain)
+    certain = np.flatnonzero(clean & values.ordinary & (values.counts[:, 0] >= _FEW) & every.is_certain)
     likelihoods = every.of_groups(certain)
-    left_open, pending = likelihoods.left_open(), np.ones(certain.size, dtype=bool)
+    left_open = likelihoods.left_open()
     found: dict[int, Row] = {}
-    for how in INTEGRATIONS:
-        suited = np.flatnonzero(pending & how.suits(likelihoods))
-        if not suited.size:
-            continue
-        posteriors = group_posteriors(likelihoods.of_groups(suited), left_open.of_groups(suited), how)
-        for k in np.flatnonzero(posteriors.resolved).tolist():
-            place = int(certain[suited[k]])
-            counts = int(values.oblique[place]), int(values.n[place])
-            group = groups[alike[place]]
-            found[alike[place]] = _row(group, conventions, tuple(domains), posteriors, k, counts)
-        pending[suited] = False
+    for some, is_open in alike_groups(likelihoods):
+        posteriors = group_posteriors(likelihoods.of_groups(some), left_open.of_groups(some), is_open)
+        places = certain[some]
+        columns = _columns(tuple(domains), posteriors, values.counts[places], conventions)
+        cells = zip(*columns.values(), strict=True)
+        for place, is_resolved, own in zip(places.tolist(), posteriors.resolved, cells, strict=True):
+            if is_resolved:
+                group = groups[alike[place]]
+                row: Row = {"files": ", ".join(group.files), "rows": group.rows, FAILURE: ""}
+                found[alike[place]] = row | dict(zip(columns, own, strict=True))
     return found
 
 
@@ -211,12 +211,20 @@ def _oblique(layout: Layout, stream: ImpactStream) -> str | None:
 
 @dataclass(frozen=True)
 class _Values:
-    """The measured values of each group, how many are tangential and how many there are, and what is odd."""
+    """The measured values of each group, how many are tangential and how many there are, and what is odd.
+
+    Attributes
+    ----------
+    tangential : Tangential
+    e_n : Restitution
+    counts : ndarray of int, (groups, 2)
+        Of tangential values, and of all.
+    ordinary : ndarray of bool, (groups,)
+    """
 
     tangential: Tangential
     e_n: Restitution
-    oblique: Index
-    n: Index
+    counts: Index
     ordinary: NDArray[np.bool_]
 
     @classmethod
@@ -239,38 +247,30 @@ class _Values:
         at_e, e_n, sigma_e = batch.values["e_n"]
         normal = padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
         oblique = np.bincount(own[at], minlength=groups)
-        n = oblique + np.bincount(own[at_e], minlength=groups)
+        counts = np.stack((oblique, oblique + np.bincount(own[at_e], minlength=groups)), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             measured = Restitution.of(normal[0], normal[1], domain)
-        return cls(Tangential(*tangential), measured, oblique, n, ordinary)
+        return cls(Tangential(*tangential), measured, counts, ordinary)
 
 
-def _row(
-    group: Group,
-    conventions: Conventions,
-    names: Sequence[str],
-    posteriors: GroupPosteriors,
-    k: int,
-    counts: tuple[int, int],
-) -> Row:
-    """The row of a resolved group, the k-th of the posteriors; counts of tangential values, and of all."""
-    oblique, n = counts
-    likelihoods = posteriors.likelihoods
-    sliding = int(likelihoods.optima.sliding[k])
-    row: Row = {
-        "files": ", ".join(group.files),
-        "rows": group.rows,
-        FAILURE: "",
-        "n": n,
-        "n_sliding": sliding,
-        "n_sticking": oblique - sliding,
-        PROVENANCE: provenance_words((conventions.provenance,)),
+def _columns(
+    names: Sequence[str], posteriors: GroupPosteriors, counts: Index, conventions: Conventions
+) -> dict[str, list[Any]]:
+    """What is found of each group, column by column; counts (groups, 2) of tangential values, and of all."""
+    likelihoods, (oblique, n) = posteriors.likelihoods, counts.T
+    sliding = likelihoods.optima.sliding
+    columns: dict[str, list[Any]] = {
+        "n": n.tolist(),
+        "n_sliding": sliding.tolist(),
+        "n_sticking": (oblique - sliding).tolist(),
+        PROVENANCE: [provenance_words((conventions.provenance,))] * n.size,
     }
     for quantity, name in enumerate(names):
-        row |= estimate_columns(name, posteriors.estimate(k, quantity))
+        parts = zip(*posteriors.cells(quantity), strict=True)
+        columns |= {column: list(part) for column, part in zip(estimate_columns(name), parts, strict=True)}
     for i, j in combinations(range(_FREE), 2):
-        row[correlation_column(names[i], names[j])] = float(posteriors.correlation[k, i, j])
+        columns[correlation_column(names[i], names[j])] = posteriors.correlation[:, i, j].tolist()
     # where every impact sticks kappa takes no degree of freedom
-    dof = n - int(likelihoods.curvature.is_finite[k, :_FREE].sum())
-    chi2 = float(likelihoods.chi2[k])
-    return row | {"chi2": chi2, "dof": float(dof), "p_value": float(chdtrc(dof, chi2))}
+    dof = n - likelihoods.curvature.is_finite[:, :_FREE].sum(axis=1)
+    fit = {"chi2": likelihoods.chi2, "dof": dof.astype(float), "p_value": chdtrc(dof, likelihoods.chi2)}
+    return columns | {name: of.tolist() for name, of in fit.items()}

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.group_fit import estimate_cells
 from ifrfit.campaign.many_groups.laws import GroupLaw
 from ifrfit.campaign.many_groups.likelihoods import LeftOpen, PlainLikelihoods
-from ifrfit.campaign.many_groups.transition_integral import Integration, marginal_laws
+from ifrfit.campaign.many_groups.transition_integral import marginal_laws
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.parameters import Domain
@@ -65,16 +65,24 @@ class GroupPosteriors:
     reached: Bool
     tails: Array
 
-    def estimate(self, group: int, quantity: int) -> Estimate:
+    def cells(self, quantity: int) -> list[tuple[float | str | None, ...]]:
+        """What the table holds of a quantity in each group, see `estimate_cells`."""
+        low95, low68, median, high68, high95 = self.quantiles[:, quantity].T.tolist()
+        numbers = (median, self.sd[:, quantity].tolist(), low68, high68, low95, high95)
+        found: list[tuple[float | str | None, ...]] = list(zip(*numbers, repeat("determined")))
+        is_plain = self.clear[:, quantity] & ~self.left_open.is_open[:, quantity]
+        for group in np.flatnonzero(self.resolved & ~is_plain).tolist():
+            found[group] = estimate_cells(self._estimate(group, quantity))
+        return found
+
+    def _estimate(self, group: int, quantity: int) -> Estimate:
         """What posterior or profile say of a quantity; near bounds the rule of all methods decides."""
-        domain = self.likelihoods.domains[quantity]
-        left_open: Estimate | None = self._lists.left_open[group][quantity]
+        left_open: Estimate | None = self.left_open.estimates[group, quantity]
         if left_open is not None:
             return left_open
-        low95, low68, median, high68, high95 = self._lists.quantiles[group][quantity]
-        central68, central95, sd = (low68, high68), (low95, high95), self._lists.sd[group][quantity]
-        if self._lists.clear[group][quantity]:
-            return Estimate(median, sd, central68, central95, "determined")
+        domain = self.likelihoods.domains[quantity]
+        low95, low68, median, high68, high95 = self.quantiles[group, quantity].tolist()
+        sd = float(self.sd[group, quantity])
 
         def one_sided(is_below: bool) -> OneSided:
             low95, low68, high68, high95 = self.tails[group, quantity].tolist()
@@ -83,38 +91,26 @@ class GroupPosteriors:
             return OneSided((low68, domain.upper), (low95, domain.upper), sd)
 
         reaches_low, reaches_high = self.reached[group, quantity].tolist()
-        marginal = Marginal(median, sd, central68, central95, (reaches_low, reaches_high), one_sided)
+        intervals = (low68, high68), (low95, high95)
+        marginal = Marginal(median, sd, *intervals, (reaches_low, reaches_high), one_sided)
         optimum = float(self.likelihoods.optimum[group, quantity])
         return estimate_of(domain, marginal, Known(optimum=optimum))
 
-    @cached_property
-    def _lists(self) -> _Lists:
-        arrays = (self.left_open.estimates, self.clear, self.sd, self.quantiles)
-        return _Lists(*(each.tolist() for each in arrays))
 
-
-class _Lists(NamedTuple):
-    """What is read one by one, which lists give ten times as fast as arrays."""
-
-    left_open: list[list[Estimate | None]]
-    clear: list[list[bool]]
-    sd: list[list[float]]
-    quantiles: list[list[list[float]]]
-
-
-def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, how: Integration) -> GroupPosteriors:
+def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, is_open: bool) -> GroupPosteriors:
     """Posterior of each group.
 
     Parameters
     ----------
     likelihoods : PlainLikelihoods
-        Of groups that suit the way of integration.
+        Of `alike_groups`.
     left_open : LeftOpen
         What profiles say of them.
-    how : Integration
+    is_open : bool
+        Whether kappa has mass up to the end of its domain.
     """
     with np.errstate(all="ignore"):  # what is not finite is not resolved
-        laws, correlation, resolved = marginal_laws(likelihoods, how)
+        laws, correlation, resolved = marginal_laws(likelihoods, is_open)
         sd = np.stack([each.sd for each in laws], axis=1)
         asked = ~left_open.is_open
         quantiles = _quantiles(laws, np.array(LEVELS), asked)

@@ -33,40 +33,41 @@ from ifrfit.campaign.many_groups.values import padded, total
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
+_PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
-_WIDEST = 0.6  # sd of a panel
+# what a panel spans at most: sd of kappa, e-folds of its density, and widths of the constant given kappa
+_WIDEST, _STEEPEST, _FARTHEST = 0.8, 1.4, 1.2
+_BESIDE = 3.0  # widths from a bound of the closure constant
 _SMOOTH = 1.0  # of a width: normal laws so far apart add up to a smooth one, to 1e-8
 
 
-@dataclass(frozen=True)
-class Integration:
-    """How the integral over kappa is done, and for which groups.
+class AlikeGroups(NamedTuple):
+    """Groups over which the integral is done together.
 
     Attributes
     ----------
-    fewest, most : int
-        Panels: more than the former, and no more than the latter.
+    groups : ndarray of int
     is_open : bool
         Whether kappa has mass up to the end of its domain.
     """
 
-    fewest: int
-    most: int
+    groups: Index
     is_open: bool
 
-    def suits(self, likelihoods: PlainLikelihoods) -> Bool:
-        """Which groups it is for, (groups,)."""
-        support = likelihoods.support
-        kind = support.is_open if self.is_open else support.is_closed
-        panels = _Gaps.of(likelihoods).panels.sum(axis=1)
-        return np.asarray(kind & (panels > self.fewest) & (panels <= self.most))
 
-
-_PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
-INTEGRATIONS = tuple(
-    Integration(*panels, is_open) for panels in pairwise(_PANELS) for is_open in (False, True)
-)
+def alike_groups(likelihoods: PlainLikelihoods) -> list[AlikeGroups]:
+    """Those that need about as many panels; groups that need more than any of them are left out."""
+    panels, support = _Gaps.of(likelihoods).panels.sum(axis=1), likelihoods.support
+    found = []
+    for fewest, most in pairwise(_PANELS):
+        suits = (panels > fewest) & (panels <= most)
+        for is_open, kind in ((False, support.is_closed), (True, support.is_open)):
+            groups = np.flatnonzero(suits & kind)
+            if groups.size:
+                found.append(AlikeGroups(groups, is_open))
+    return found
 
 
 class MarginalLaws(NamedTuple):
@@ -86,27 +87,28 @@ class MarginalLaws(NamedTuple):
     proper: Bool
 
 
-def marginal_laws(likelihoods: PlainLikelihoods, how: Integration) -> MarginalLaws:
+def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool) -> MarginalLaws:
     """Integrate over kappa and e_n.
 
     Parameters
     ----------
     likelihoods : PlainLikelihoods
-        Of groups that suit the way of integration.
-    how : Integration
+        Of `alike_groups`.
+    is_open : bool
+        Whether kappa has mass up to the end of its domain.
     """
     most, own_domain, e_n = likelihoods.most, likelihoods.own, likelihoods.e_n
     restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain)
-    beyond = most * (1.0 + plateau_nodes(restitution)) if how.is_open else None
+    beyond = most * (1.0 + plateau_nodes(restitution)) if is_open else None
     grid = _Panels.of(likelihoods, beyond)
     kappa = KappaLaw.made(grid.edges, grid.nodes, grid.density)
     own = ConstantLaw.made(grid.middle, grid.width, grid.height, own_domain)
     laws: Sequence[GroupLaw]
-    if how.is_open:
+    if is_open:
         laws, correlation = laws_up_to(most, restitution, own, kappa, grid.nodes, grid.density)
     else:
         mu = FrictionLaw.made(kappa, restitution)
-        laws = restitution, own.without_small_ones(), mu, kappa
+        laws = restitution, own.with_fewer_nodes(), mu, kappa
         correlation = _correlation(restitution, own, mu, kappa, grid)
     # beyond, mass of mu ends at its domain for some e_n only
     proper = likelihoods.support.high < most * (1.0 + restitution.low)
@@ -134,12 +136,26 @@ class _Gaps(NamedTuple):
     @classmethod
     def of(cls, likelihoods: PlainLikelihoods) -> _Gaps:
         """Of each group."""
-        support = likelihoods.support
-        low, high = support.low[:, None], support.high[:, None]
-        edges = np.clip(likelihoods.sets.walls, low, high)
-        width = np.diff(edges, axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return cls(edges[:, :-1], width, np.ceil(width / (_WIDEST * support.sd[:, None])))
+        sets, support, (least, most) = likelihoods.sets, likelihoods.support, likelihoods.own
+        edges = np.clip(sets.walls, support.low[:, None], support.high[:, None])
+        low, high = edges[:, :-1], edges[:, 1:]
+        width = high - low
+        _, f1, f2, f3, f4, f5 = sets.coefficients
+        with np.errstate(all="ignore"):
+            own = np.stack([-(f1 + f4 * kappa) / (2.0 * f3) for kappa in (low, high)])
+            slopes = f2 + f4 * np.clip(own, least, most) + 2.0 * f5 * np.stack((low, high))
+            slope = np.where(slopes[0] * slopes[1] > 0.0, 0.5 * np.abs(slopes).min(axis=0), 0.0)
+            # a bound that holds the closure constant makes chi2 rise more steeply with kappa
+            away = np.minimum(own - least, most - own).min(axis=0) * np.sqrt(f3)
+            bend = np.sqrt(np.where(away < _BESIDE, f5, f5 - f4**2 / (4.0 * f3)))
+            # where little mass is, less of it is missed
+            little = np.exp((likelihoods.optima.chi2[:, None] - likelihoods.optima.least) / 12.0)
+            needed = np.maximum(
+                width * np.maximum(bend / _WIDEST, slope / _STEEPEST) * little,
+                np.abs(own[1] - own[0]) * np.sqrt(f3) / _FARTHEST,
+            )
+            panels = np.where(width > 0.0, np.maximum(np.ceil(needed), 1.0), 0.0)
+        return cls(low, width, panels)
 
 
 @dataclass(frozen=True)
