@@ -1,20 +1,15 @@
-"""The marginal laws of many groups at once: distribution functions, and what follows from them.
-
-A law holds arrays whose first axis is the group. `below` takes (groups, n) places and gives the probability
-below them and the density there; quantiles follow by Newton's method between the ends of the law.
-"""
+"""The marginal laws of the constants of many groups: distribution functions, and what follows from them."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaincinv, ndtr, ndtri
+from scipy.special import ndtr
 
-from ifrfit.campaign.many_groups.of_groups import OfGroups
+from ifrfit.campaign.many_groups.group_law import GroupLaw, NormalMixture
 from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
@@ -24,115 +19,8 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a panel
 _TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the nodes @ this: coefficients
 _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
 _E_SPAN = 6.5  # sd of e_n on either side
-_STEPS = 60
-_CLOSE = 3e-4  # miss, in sd, from which one more step leaves no more than its square
-_AT_ONCE = 1 << 15  # numbers
-_AWAY = 4.0  # sd from its mean to an end of a law that is begun with as a normal one
 _SMALL, _COUNTS = 1e-11, 1e-6  # mass of a node over the largest: left out, and looked at
 _NARROW = 0.3  # of a width: normal laws so near one another are as good as two
-
-
-class GroupLaw(OfGroups, ABC):
-    """The law of one quantity in each of many groups; the fields are arrays, (groups, ...)."""
-
-    mean: Array
-    sd: Array
-
-    @property
-    def in_hand(self) -> int:
-        """How many numbers `below` has in hand for a place."""
-        return 1
-
-    @property
-    @abstractmethod
-    def ends(self) -> tuple[Array, Array]:
-        """Where each law begins and ends, (groups,) each."""
-
-    @abstractmethod
-    def below(self, x: Array) -> tuple[Array, Array]:
-        """Probability below, and density at, some places of each group, (groups, n)."""
-
-    def share(self, x: Array) -> Array:
-        """Probability below some places of each group, (groups, n)."""
-        return self.below(x)[0]
-
-    def in_parts(self, places: int) -> list[slice]:
-        """So few groups at once that what is in hand for some places of each stays in the cache."""
-        size = self.mean.size
-        most = max(1, _AT_ONCE // (places * self.in_hand))
-        return [slice(first, first + most) for first in range(0, size, most)]
-
-    def start(self, levels: Array) -> Array:
-        """Near the quantiles, (groups, n): a normal law, or the beta law that has the ends, mean and sd."""
-        low, high = self.ends
-        x = self.mean[:, None] + self.sd[:, None] * ndtri(levels)
-        away = np.minimum(self.mean - low, high - self.mean)
-        cut = np.flatnonzero(away < _AWAY * self.sd)
-        low, span = low[cut, None], (high - low)[cut, None]
-        share = (self.mean[cut, None] - low) / span
-        size = share * (1.0 - share) * (span / self.sd[cut, None]) ** 2 - 1.0
-        beta = low + span * betaincinv(size * share, size * (1.0 - share), levels)
-        x[cut] = np.where(np.isfinite(beta), beta, x[cut])
-        return x
-
-    def quantiles(self, levels: Array) -> Array:
-        """Quantiles, (groups, n); nan where the search does not settle.
-
-        Newton's method in the quantile of the normal law that has the same probability, in which most laws
-        are nearly straight, with the cubic through a second place: that of the step before, at first that of
-        another level.
-        """
-        low, high = (np.repeat(end[:, None], levels.size, axis=1) for end in self.ends)
-        goal = ndtri(levels)
-        x = np.clip(self.start(levels), low, high)
-        found = np.full_like(x, np.nan)
-        pending, law = np.arange(x.shape[0]), self
-        before: Array | None = None
-        for _ in range(_STEPS):
-            parts = [law.of_groups(part).below(x[part]) for part in law.in_parts(levels.size)]
-            share, density = (np.concatenate(each) for each in zip(*parts, strict=True))
-            low, high = np.where(share < levels, x, low), np.where(share > levels, x, high)
-            with np.errstate(divide="ignore", invalid="ignore"):  # a step without end is not taken
-                z = ndtri(share)
-                miss, slope = goal - z, np.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * density)
-                step = x + miss * slope + _bend(miss, x, slope, *_beside(goal, z, x, slope, before))
-            is_inside = (step >= low) & (step <= high)
-            if before is not None:  # where a law is all but flat, steps lead nowhere
-                is_inside &= np.abs(miss) < 0.5 * np.abs(before[0])
-            is_close = np.abs(miss) < _CLOSE
-            # what is there stays, whatever other levels need
-            there = np.where(is_inside, step, x)
-            found[pending] = np.where(is_close & np.isnan(found[pending]), there, found[pending])
-            step = np.where(is_inside, step, 0.5 * (low + high))
-            left = np.flatnonzero(np.isnan(found[pending]).any(axis=1) & ~np.isnan(share).any(axis=1))
-            if not left.size:
-                break
-            before = np.stack((miss, x, slope))[:, left]
-            pending, law = pending[left], law.of_groups(left)
-            x, low, high = step[left], low[left], high[left]
-        return found
-
-
-def _beside(goal: Array, z: Array, x: Array, slope: Array, before: Array | None) -> Array:
-    """Miss, place and slope of a second place for each, (3, groups, n)."""
-    if before is not None:
-        return before
-    levels = np.arange(goal.size)
-    other = levels + np.where(goal > z, 1, -1)
-    other = np.where((other < 0) | (other >= goal.size), 2 * levels - other, other)
-    z, x, slope = (np.take_along_axis(each, other, axis=1) for each in (z, x, slope))
-    return np.stack((goal - z, x, slope))
-
-
-def _bend(miss: Array, x: Array, slope: Array, miss0: Array, x0: Array, slope0: Array) -> Array:
-    """What the cubic through two places, with the slopes there, adds to the straight line at the last one."""
-    h = miss - miss0
-    chord = (x0 - x) / h
-    bend = (miss / h) ** 2 * (
-        (3.0 * chord - 2.0 * slope - slope0) * h + (slope + slope0 - 2.0 * chord) * miss
-    )
-    is_known = np.isfinite(bend) & (np.abs(bend) < 0.5 * np.abs(miss * slope))
-    return np.where(is_known, bend, 0.0)
 
 
 @dataclass(frozen=True)
@@ -211,26 +99,21 @@ class KappaLaw(GroupLaw):
 
 
 @dataclass(frozen=True)
-class ConstantLaw(GroupLaw):
-    """Of the closure constant: a mixture of normal laws cut off at its bounds, one for each node of kappa.
+class ConstantLaw(NormalMixture):
+    """Of the closure constant: normal laws cut off at its bounds, one for each node of kappa.
+
+    Heights are masses over what a law has between the bounds.
 
     Attributes
     ----------
-    middle, width, height : ndarray, (groups, nodes)
-        Of each normal law, uncut; heights are masses over what the law has between the bounds.
     under : ndarray, (groups, nodes)
-        What each law has below the lower bound.
-    low, high, mean, sd : ndarray, (groups,)
+        What each law, uncut, has below the lower bound.
+    low, high : ndarray, (groups,)
     """
 
-    middle: Array
-    width: Array
-    height: Array
     under: Array
     low: Array
     high: Array
-    mean: Array
-    sd: Array
 
     @classmethod
     def made(cls, middle: Array, width: Array, height: Array, domain: tuple[float, float]) -> ConstantLaw:
@@ -239,7 +122,7 @@ class ConstantLaw(GroupLaw):
         middle, width, height = (each.reshape(groups, -1) for each in (middle, width, height))
         bounds = np.full(groups, domain[0]), np.full(groups, domain[1])
         under = ndtr((domain[0] - middle) / width)
-        alone = cls(middle, width, height, under, *bounds, bounds[0], bounds[0])
+        alone = cls(middle, width, height, bounds[0], bounds[0], under, *bounds)
         return alone.weighted(np.ones_like(height))
 
     def weighted(self, weight: Array) -> ConstantLaw:
@@ -257,46 +140,24 @@ class ConstantLaw(GroupLaw):
         return replace(self, height=height, mean=mean, sd=np.sqrt(total(height * square)))
 
     @property
-    def in_hand(self) -> int:
-        """Nodes of kappa."""
-        return int(self.middle.shape[1])
-
-    @property
     def ends(self) -> tuple[Array, Array]:
         """Where each law begins and ends."""
         return self.low, self.high
 
     def below(self, x: Array) -> tuple[Array, Array]:
         """Probability below, and density at, some places of each group, (groups, n)."""
-        z, width, height = self._by_node(x)
-        share = self._share(z, height)
-        np.square(z, out=z)
-        z *= -0.5
-        density = np.exp(z, out=z)
-        density *= height / width
+        share, density = super().below(x)
         outside = (x < self.low[:, None]) | (x > self.high[:, None])
-        return share, np.where(outside, 0.0, density.sum(axis=0) / math.sqrt(2.0 * math.pi))
+        return share - self._cut, np.where(outside, 0.0, density)
 
     def share(self, x: Array) -> Array:
         """Probability below some places of each group, (groups, n)."""
-        z, _, height = self._by_node(x)
-        return self._share(z, height)
+        return super().share(x) - self._cut
 
-    def _by_node(self, x: Array) -> tuple[Array, Array, Array]:
-        """Places in widths from the middle of each node, (nodes, groups, n), and width and height of each.
-
-        Sums along the first axis are done one after the other.
-        """
-        arrays = (self.middle, self.width, self.height)
-        middle, width, height = (np.ascontiguousarray(each.T)[:, :, None] for each in arrays)
-        z = x - middle
-        z /= width
-        return z, width, height
-
-    def _share(self, z: Array, height: Array) -> Array:
-        share = ndtr(z)
-        share *= height
-        return np.asarray(share.sum(axis=0) - total(self.height * self.under)[:, None])
+    @property
+    def _cut(self) -> Array:
+        """What all of them, uncut, have below the lower bound, (groups, 1)."""
+        return total(self.height * self.under)[:, None]
 
     @property
     def widest_step(self) -> Array:

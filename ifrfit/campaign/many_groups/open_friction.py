@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.many_groups.group_law import GroupLaw
 from ifrfit.campaign.many_groups.laws import (
     WEIGHTS,
     ConstantLaw,
     FrictionLaw,
-    GroupLaw,
     KappaLaw,
     RestitutionLaw,
 )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.campaign.group_fit import estimate_cells
-from ifrfit.campaign.many_groups.laws import GroupLaw
+from ifrfit.campaign.many_groups.group_law import GroupLaw
 from ifrfit.campaign.many_groups.likelihoods import LeftOpen, PlainLikelihoods
 from ifrfit.campaign.many_groups.transition_integral import marginal_laws
 from ifrfit.inference.diagnostics.thresholds import HALF

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ifrfit.campaign.many_groups.group_law import GroupLaw
 from ifrfit.campaign.many_groups.laws import (
     NODES,
     WEIGHTS,
     ConstantLaw,
     FrictionLaw,
-    GroupLaw,
     KappaLaw,
     RestitutionLaw,
 )

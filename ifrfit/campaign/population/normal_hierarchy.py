@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtr, ndtri
+from scipy.special import logsumexp
 
+from ifrfit.campaign.many_groups.group_law import NormalMixture
 from ifrfit.campaign.population.limits import Limits
 from ifrfit.inference.distributions.protocol import LEVELS
 
@@ -26,8 +27,6 @@ _COARSE, _AWAY, _PEAK = 8, 400.0, 40.0  # nodes of which one is looked at first;
 _DECADES = 14.0  # e-folds of tau below and above the scale of the groups
 _KEPT = 96  # nodes of tau, by mass, that the quantiles are taken over
 _SHARP, _KEPT_OF_SHARP = 0.05, 12  # sd of log tau below which its shape plays no part, and nodes then
-_EXACT = 1e-12  # sd of a quantile
-_WIDER = 1e-9  # sd beyond the ends of a bracket
 _STEPS, _STILL = 30, 1e-6  # of Newton's method, and sd at which it is there
 _BLOCK = 100_000  # numbers at once
 
@@ -202,24 +201,8 @@ def _peak(own: Array, precision: Array, variance: Array, limits: Limits) -> tupl
 
 def _mixture_quantiles(weight: Array, mean: Array, sd: Array) -> Array:
     """Quantiles `LEVELS` of mixtures of normals, (5, n); mean and sd (m, n)."""
-    from scipy.optimize.elementwise import find_root  # 0.1 s, where there is a population
-
     counts = weight > 1e-12 * weight.max()
-    weight, mean, sd = weight[counts], mean[counts], sd[counts]
-    found = np.empty((len(LEVELS), mean.shape[1]))
-    step = max(1, _BLOCK // (mean.shape[0] * len(LEVELS)))
-    for first in range(0, mean.shape[1], step):
-        m, s = mean[:, first : first + step], sd[:, first : first + step]
-        levels, columns = (x.ravel() for x in np.meshgrid(LEVELS, np.arange(m.shape[1]), indexing="ij"))
-        z = ndtri(levels)
-
-        def over(x: Array, level: Array, column: Index, m: Array = m, s: Array = s) -> Array:
-            return np.asarray(weight @ ndtr((x - m[:, column]) / s[:, column]) - level)
-
-        # each of the normals has its own quantile, and that of the mixture lies between the ends of these
-        own = m[:, columns] + z * s[:, columns]
-        wider, exact = float(_WIDER * s.max()), float(_EXACT * s.min())
-        bracket = own.min(axis=0) - wider, own.max(axis=0) + wider
-        root = find_root(over, bracket, args=(levels, columns), tolerances={"xatol": exact, "fatol": 0.0})
-        found[:, first : first + step] = root.x.reshape(len(LEVELS), -1)
-    return found
+    weight = weight[counts] / weight[counts].sum()
+    middle, width = mean[counts].T, sd[counts].T
+    mixture = NormalMixture.of(middle, width, np.broadcast_to(weight, middle.shape))
+    return mixture.quantiles(np.array(LEVELS)).T
