@@ -21,6 +21,7 @@ from ifrfit.inference.workers.worker_processes import (
     a_process_died,
     could_not_start,
     end_at_once,
+    import_once,
     register,
     registered_here,
     start_processes,
@@ -89,7 +90,7 @@ class Processes:
     ----------
     size : int
     module : str
-        What each imports before there is work; they start at once where there is one.
+        What each imports before there is work, beginning at once.
     """
 
     size: int
@@ -101,7 +102,7 @@ class Processes:
     _others: Sequence[BaseProcess] = ()
 
     def __post_init__(self) -> None:
-        if self.module:
+        if self.module and not import_once(self.module):
             self._started()
 
     def _started(self) -> ProcessPoolExecutor:

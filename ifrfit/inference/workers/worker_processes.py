@@ -19,6 +19,8 @@ from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
 
+_FORKS = sys.platform == "linux"  # elsewhere libraries of the system may not bear it
+
 # a problem names its closure, observables and law of errors: each process looks them up
 _NEEDED = (CLOSURES, OBSERVABLES, ERROR_LAWS)
 
@@ -58,13 +60,31 @@ def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
         What each imports before there is work.
     """
     added = registered_here(f"--workers {workers}")
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin, initargs=(added, module))
+    context = get_context("forkserver" if module and _FORKS else "spawn")
+    pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(added, module))
     # a process that were first started when work comes could start while another one dies, and Python 3.11's
     # pool would print that it cannot count its processes meanwhile
     with interrupts_deferred(), suppress(BrokenProcessPool):
         for _ in range(workers):
             pool.submit(int)
     return pool
+
+
+def import_once(module: str) -> bool:
+    """Let a fresh process import a module, from which those of `start_processes` are forked.
+
+    Returns
+    -------
+    bool
+        False where each has to import it by itself.
+    """
+    if _FORKS:
+        from multiprocessing import forkserver  # which is not everywhere
+
+        get_context("forkserver").set_forkserver_preload([module])
+        with interrupts_deferred():
+            forkserver.ensure_running()
+    return _FORKS
 
 
 @contextmanager
