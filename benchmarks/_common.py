@@ -10,9 +10,12 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ[
 import argparse
 import contextlib
 import csv
+import ctypes
 import importlib.metadata
 import platform
+import resource
 import statistics
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +24,7 @@ from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
 README = Path(__file__).parent / "README.md"
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of prctl
 
 
 def machine(*packages: str) -> str:
@@ -45,6 +49,21 @@ def benchmark_parser(description: str | None, quick: str = "") -> argparse.Argum
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and of any plot")
     parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
     return parser
+
+
+def adopt_orphans() -> None:
+    """Let what a command leaves behind, as what its workers are forked from, become a child (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def cpu_of_children() -> float:
+    """CPU seconds of all children, those adopted too; waits until none is left."""
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            os.wait()
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 Row = Mapping[str, Any]
