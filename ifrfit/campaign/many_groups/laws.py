@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ifrfit.campaign.many_groups.gauss_rule import three_nodes
 from ifrfit.campaign.many_groups.group_law import GroupLaw, NormalMixture
 from ifrfit.campaign.many_groups.values import total
 
@@ -19,8 +20,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a panel
 _TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the nodes @ this: coefficients
 _E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
 _E_SPAN = 6.5  # sd of e_n on either side
-_SMALL, _COUNTS = 1e-11, 1e-6  # mass of a node over the largest: left out, and looked at
-_NARROW = 0.3  # of a width: normal laws so near one another are as good as two
+_SMALL = 1e-11  # mass of a node over the largest, below which it is left out
 
 
 @dataclass(frozen=True)
@@ -159,51 +159,25 @@ class ConstantLaw(NormalMixture):
         """What all of them, uncut, have below the lower bound, (groups, 1)."""
         return total(self.height * self.under)[:, None]
 
-    @property
-    def widest_step(self) -> Array:
-        """Largest distance of the middles of neighbouring nodes that count, in widths, (groups,).
-
-        The distribution function is smooth where it is small, and a staircase where it is large.
-        """
-        masses = self.node_masses
-        counts = masses > _COUNTS * masses.max(axis=1, keepdims=True)
-        step = np.abs(np.diff(self.middle, axis=1)) / np.minimum(self.width[:, 1:], self.width[:, :-1])
-        return np.asarray(np.where(counts[:, 1:] & counts[:, :-1], step, 0.0).max(axis=1))
-
     def with_fewer_nodes(self) -> ConstantLaw:
-        """The same to some 1e-6 sd: two nodes stand for those of a narrow panel, and small ones are left out.
-
-        The two have mass, mean, variance and third moment of the middles that they stand for (Gauss's rule).
-        """
-        shape = (self.middle.shape[0], -1, NODES.size)
-        middle, height, width = (each.reshape(shape) for each in (self.middle, self.height, self.width))
-        mass = height.sum(axis=2)
-        mean = (height * middle).sum(axis=2) / mass
-        off = middle - mean[:, :, None]
-        square = height * off**2
-        variance, third = square.sum(axis=2) / mass, (square * off).sum(axis=2) / mass
-        lean = np.where(variance > 0.0, 0.5 * third / variance, 0.0)
-        half = np.sqrt(lean**2 + variance)
-        share = np.where(half > 0.0, 0.5 - 0.5 * lean / half, 0.5)  # of the upper one
-        # outside the bounds what a normal law has between them changes faster
-        width = width[:, :, 0]
-        outside = np.maximum(np.maximum(self.low[:, None] - mean, mean - self.high[:, None]), 0.0)
-        narrow = np.abs(middle[:, :, -1] - middle[:, :, 0]) * (width + outside) < _NARROW * width**2
-        two = np.stack((mean + lean - half, mean + lean + half), axis=2)
-        of_two = mass[:, :, None] * np.stack((1.0 - share, share), axis=2)
-        middle, height = middle.copy(), np.where(narrow[:, :, None], 0.0, height)
-        middle[:, :, :2] = np.where(narrow[:, :, None], two, middle[:, :, :2])
-        height[:, :, :2] = np.where(narrow[:, :, None], of_two, height[:, :, :2])
-        return self._with(middle.reshape(self.middle.shape), height.reshape(self.middle.shape))
-
-    def _with(self, middle: Array, height: Array) -> ConstantLaw:
-        """With these nodes, less those that stand for next to nothing; those that are left come first."""
-        under = ndtr((self.low[:, None] - middle) / self.width)
-        masses = replace(self, middle=middle, height=height, under=under).node_masses
+        """The same to some 1e-6 sd: three nodes a panel, where middles lie on a line, and no small ones."""
+        groups = self.middle.shape[0]
+        middle, height, width = (
+            each.reshape(groups, -1, NODES.size) for each in (self.middle, self.height, self.width)
+        )
+        places, height = three_nodes(NODES, height)
+        slope = (middle[:, :, -1:] - middle[:, :, :1]) / (NODES[-1] - NODES[0])
+        middle = middle[:, :, :1] + slope * (places - NODES[0])
+        middle, height, width = (
+            each.reshape(groups, -1) for each in (middle, height, np.repeat(width[:, :, 0], 3, axis=1))
+        )
+        under = ndtr((self.low[:, None] - middle) / width)
+        every = replace(self, middle=middle, width=width, height=height, under=under)
+        masses = every.node_masses
         small = masses <= _SMALL * masses.max(axis=1, keepdims=True)
         most = int((~small).sum(axis=1).max(initial=1))
         order = np.argsort(small, axis=1, kind="stable")[:, :most]
-        arrays = (middle, self.width, np.where(small, 0.0, height), under)
+        arrays = (middle, width, np.where(small, 0.0, height), under)
         middle, width, height, under = (np.take_along_axis(each, order, axis=1) for each in arrays)
         return replace(self, middle=middle, width=width, height=height, under=under)
 

@@ -121,7 +121,7 @@ def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, is_open
         )
         clear &= likelihoods.curvature.is_local
         asked &= resolved[:, None] & ~clear
-        reached, tails = _at_ends(laws, likelihoods.domains, asked)
+        reached, tails = _at_ends(laws, quantiles, likelihoods.domains, asked)
         resolved &= (np.isfinite(tails).all(axis=2) | (reached.sum(axis=2) != 1)).all(axis=1)
     return GroupPosteriors(
         likelihoods, resolved, clear, left_open, sd, quantiles, correlation, reached, tails
@@ -138,7 +138,9 @@ def _quantiles(laws: Sequence[GroupLaw], levels: Array, asked: Bool) -> Array:
     return found
 
 
-def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -> tuple[Bool, Array]:
+def _at_ends(
+    laws: Sequence[GroupLaw], quantiles: Array, domains: Sequence[Domain], asked: Bool
+) -> tuple[Bool, Array]:
     """Which ends of the domain laws reach, (groups, 4, 2), and quantiles at `TAILS`, (groups, 4, 4)."""
     reached = np.zeros((*asked.shape, 2), dtype=bool)
     for quantity, (every, domain) in enumerate(zip(laws, domains, strict=True)):
@@ -152,7 +154,8 @@ def _at_ends(laws: Sequence[GroupLaw], domains: Sequence[Domain], asked: Bool) -
 
         if groups.size:
             bounds = domain.lower, domain.prior_upper
-            reached[groups, quantity] = reached_bounds(law.mean, law.sd, bounds, RESOLUTION, below)
+            width68 = quantiles[groups, quantity, 3] - quantiles[groups, quantity, 1]
+            reached[groups, quantity] = reached_bounds(law.mean, law.sd, width68, bounds, RESOLUTION, below)
     return reached, _quantiles(laws, np.array(TAILS), reached.sum(axis=2) == 1)
 
 

@@ -38,9 +38,8 @@ Index = NDArray[np.intp]
 _PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
 _STEPLESS = 0.6  # sd of kappa over that of e_n times mu
 # what a panel spans at most: sd of kappa, e-folds of its density, and widths of the constant given kappa
-_WIDEST, _STEEPEST, _FARTHEST = 0.8, 1.4, 1.2
-_BESIDE = 3.0  # widths from a bound of the closure constant
-_SMOOTH = 1.0  # of a width: normal laws so far apart add up to a smooth one, to 1e-8
+_WIDEST, _STEEPEST, _FARTHEST = 0.8, 1.4, 1.0
+_BESIDE, _OUTSIDE = 3.0, 1.6  # widths inside a bound of the closure constant, and outside
 
 
 class AlikeGroups(NamedTuple):
@@ -112,8 +111,6 @@ def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool) -> MarginalLaws:
         correlation = _correlation(restitution, own, mu, kappa, grid)
     # beyond, mass of mu ends at its domain for some e_n only
     proper = likelihoods.support.high < most * (1.0 + restitution.low)
-    # given kappa the constant may be known so well that its law is a staircase of nodes
-    proper &= own.widest_step < _SMOOTH
     # the nodes of e_n would see steps where kappa is known much better
     proper &= kappa.sd > _STEPLESS * laws[MU].mean * e_n.sd
     return MarginalLaws(laws, correlation, proper)
@@ -148,12 +145,13 @@ class _Gaps(NamedTuple):
             # a bound that holds the closure constant makes chi2 rise more steeply with kappa
             away = np.minimum(own - least, most - own).min(axis=0) * np.sqrt(f3)
             bend = np.sqrt(np.where(away < _BESIDE, f5, f5 - f4**2 / (4.0 * f3)))
-            # where little mass is, less of it is missed
+            of_kappa = width * np.maximum(bend / _WIDEST, slope / _STEEPEST)
+            # what a normal law has between the bounds changes faster the farther outside it lies
+            farther = np.maximum(-away / _OUTSIDE, 1.0)
+            of_own = np.abs(own[1] - own[0]) * np.sqrt(f3) * farther / _FARTHEST
+            # errors are as the sixth power, and as the mass
             little = np.exp((likelihoods.optima.chi2[:, None] - likelihoods.optima.least) / 12.0)
-            needed = np.maximum(
-                width * np.maximum(bend / _WIDEST, slope / _STEEPEST) * little,
-                np.abs(own[1] - own[0]) * np.sqrt(f3) / _FARTHEST,
-            )
+            needed = np.maximum(of_kappa, of_own) * little
             panels = np.where(width > 0.0, np.maximum(np.ceil(needed), 1.0), 0.0)
         return cls(low, width, panels)
 

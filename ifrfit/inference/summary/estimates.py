@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Kappas = Mapping[str, Estimate]  # by series
 
 _REACHED = 0.1465  # density at a bound over the largest one, above which the 95 % region reaches the bound
-_LEAST_TOP = 0.11  # of any density, over 1/sd: 15/16 of it lie within 4 sd of the mean (Chebyshev)
+_STEP = 0.25  # sd over which densities are averaged in the search for the largest one
 _SAME = 1e-12  # sd, relative to the mean, below which all draws are one value
 
 
@@ -75,26 +75,28 @@ def marginal_of(distribution: Distribution, name: str, domain: Domain) -> Margin
         sd,
         (low68, high68),
         (low95, high95),
-        _reached(distribution, name, domain.lower, domain.prior_upper),
+        _reached(distribution, name, (domain.lower, domain.prior_upper), high68 - low68),
         one_sided,
         distribution.mean(name),
     )
 
 
-def _reached(distribution: Distribution, name: str, lower: float, upper: float) -> tuple[bool, bool]:
+def _reached(distribution: Distribution, name: str, bounds: Interval, width68: float) -> tuple[bool, bool]:
     """Whether the 95 % region of highest density reaches the lower, and the upper bound."""
 
     def below(x: Array, _: NDArray[np.intp]) -> Array:
         return np.asarray(distribution.cdf(name, x[0]))[None]
 
-    moments = np.array([distribution.mean(name)]), np.array([distribution.sd(name)])
-    (found,) = reached_bounds(*moments, (lower, upper), distribution.resolution, below).tolist()
+    numbers = distribution.mean(name), distribution.sd(name), width68
+    of_one = (np.array([number]) for number in numbers)
+    (found,) = reached_bounds(*of_one, bounds, distribution.resolution, below).tolist()
     return found[0], found[1]
 
 
 def reached_bounds(
     mean: Array,
     sd: Array,
+    width68: Array,
     bounds: tuple[float, float],
     resolution: float,
     below: Callable[[Array, NDArray[np.intp]], Array],
@@ -103,7 +105,8 @@ def reached_bounds(
 
     Parameters
     ----------
-    mean, sd : ndarray, (n,)
+    mean, sd, width68 : ndarray, (n,)
+        The last of the central 68 % interval.
     bounds : (float, float)
     resolution : float
         Width, in sd, over which a density can be told at a bound.
@@ -123,11 +126,13 @@ def reached_bounds(
     at_ends = np.stack((low, np.minimum(lower + step, upper), np.maximum(upper - step, lower), high), axis=1)
     p = below(at_ends, spread)
     dense = np.stack(((p[:, 1] - p[:, 0]) / step, (p[:, 3] - p[:, 2]) / step), axis=1)
-    near = np.flatnonzero(dense.max(axis=1, initial=0.0) * sd[spread] >= _REACHED * _LEAST_TOP)
+    # of the steps over which 68 % lie some has as much as their mean
+    least_top = 0.68 / (width68[spread] + 2.0 * _STEP * sd[spread])
+    near = np.flatnonzero(dense.max(axis=1, initial=0.0) >= _REACHED * least_top)
     rows = spread[near]
     if not rows.size:
         return found
-    edges = np.clip(mean[rows, None] + sd[rows, None] * np.linspace(-4.0, 4.0, 33), lower, upper)
+    edges = np.clip(mean[rows, None] + sd[rows, None] * np.arange(-4.0, 4.1, _STEP), lower, upper)
     width = np.diff(edges, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         density = np.diff(below(edges, rows), axis=1) / width
