@@ -32,7 +32,7 @@ def kappa_law(rng, groups, *, plateau=0.0, panels=60):
 
 
 def restitution_law(rng, groups):
-    return RestitutionLaw.made(rng.uniform(0.5, 1.0, groups), np.full(groups, 2e-3), (0.0, 1.0))
+    return RestitutionLaw.made(rng.uniform(0.5, 1.0, groups), np.full(groups, 2e-3), (0.0, 1.0), 40)
 
 
 def constant_law(rng, groups, nodes=120):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,13 @@ Index = NDArray[np.intp]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a panel
 _TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the nodes @ this: coefficients
-_E_NODES, _E_WEIGHTS = np.polynomial.legendre.leggauss(40)
-_E_SPAN = 6.5  # sd of e_n on either side
+_E_SPAN = 5.5  # sd of e_n on either side
 _SMALL = 1e-11  # mass of a node over the largest, below which it is left out
+
+
+@cache
+def _legendre(nodes: int) -> tuple[Array, Array]:
+    return np.polynomial.legendre.leggauss(nodes)
 
 
 @dataclass(frozen=True)
@@ -162,16 +167,13 @@ class ConstantLaw(NormalMixture):
     def with_fewer_nodes(self) -> ConstantLaw:
         """The same to some 1e-6 sd: three nodes a panel, where middles lie on a line, and no small ones."""
         groups = self.middle.shape[0]
-        middle, height, width = (
-            each.reshape(groups, -1, NODES.size) for each in (self.middle, self.height, self.width)
-        )
-        places, height = three_nodes(NODES, height)
-        slope = (middle[:, :, -1:] - middle[:, :, :1]) / (NODES[-1] - NODES[0])
-        middle = middle[:, :, :1] + slope * (places - NODES[0])
-        middle, height, width = (
-            each.reshape(groups, -1) for each in (middle, height, np.repeat(width[:, :, 0], 3, axis=1))
-        )
+        lines = self.middle.reshape(groups, -1, NODES.size)
+        first, last = lines[:, :, :1], lines[:, :, -1:]
+        places, heights = three_nodes(NODES, self.height.reshape(lines.shape))
+        middle = (first + (last - first) * (places - NODES[0]) / (NODES[-1] - NODES[0])).reshape(groups, -1)
+        width = np.repeat(self.width[:, :: NODES.size], 3, axis=1)
         under = ndtr((self.low[:, None] - middle) / width)
+        height = heights.reshape(groups, -1)
         every = replace(self, middle=middle, width=width, height=height, under=under)
         masses = every.node_masses
         small = masses <= _SMALL * masses.max(axis=1, keepdims=True)
@@ -204,7 +206,7 @@ class RestitutionLaw(GroupLaw):
         Of the normal law.
     low, high : ndarray, (groups,)
         Where it is cut, by a bound or far out.
-    nodes, mass : ndarray, (groups, 40)
+    nodes, mass : ndarray, (groups, m)
         Places, and the share of the law that each stands for.
     scale : ndarray, (groups,)
         Of the law over the normal density and its Jacobian.
@@ -222,24 +224,25 @@ class RestitutionLaw(GroupLaw):
     sd: Array
 
     @classmethod
-    def made(cls, middle: Array, width: Array, domain: tuple[float, float]) -> RestitutionLaw:
-        """From mean and sd of the normal law, (groups,) each."""
+    def made(cls, middle: Array, width: Array, domain: tuple[float, float], nodes: int) -> RestitutionLaw:
+        """From mean and sd of the normal law, (groups,) each, and the number of nodes."""
+        rule, weights = _legendre(nodes)
         low = np.maximum(middle - _E_SPAN * width, domain[0])
         high = np.minimum(middle + _E_SPAN * width, domain[1])
         half = 0.5 * (high - low)
-        nodes = (low + half)[:, None] + half[:, None] * _E_NODES
-        z = (nodes - middle[:, None]) / width[:, None]
-        mass = _E_WEIGHTS * half[:, None] * np.exp(-0.5 * z * z) / (1.0 + nodes)
+        places = (low + half)[:, None] + half[:, None] * rule
+        z = (places - middle[:, None]) / width[:, None]
+        mass = weights * half[:, None] * np.exp(-0.5 * z * z) / (1.0 + places)
         scale = mass.sum(axis=1)
         mass = mass / scale[:, None]
-        mean = (mass * nodes).sum(axis=1)
-        sd = np.sqrt((mass * (nodes - mean[:, None]) ** 2).sum(axis=1))
-        return cls(middle, width, low, high, nodes, mass, scale, mean, sd)
+        mean = (mass * places).sum(axis=1)
+        sd = np.sqrt((mass * (places - mean[:, None]) ** 2).sum(axis=1))
+        return cls(middle, width, low, high, places, mass, scale, mean, sd)
 
     @property
     def in_hand(self) -> int:
         """Nodes."""
-        return _E_NODES.size
+        return int(self.nodes.shape[1])
 
     @property
     def ends(self) -> tuple[Array, Array]:
@@ -256,12 +259,13 @@ class RestitutionLaw(GroupLaw):
         return mass.sum(axis=2), density / self.scale[:, None]
 
     def between(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Nodes between some places of each group, (groups, n), and their masses, (groups, n, 40) each."""
+        """Nodes between some places of each group, (groups, n), and their masses, (groups, n, m) each."""
         low, high = (np.clip(each, self.low[:, None], self.high[:, None]) for each in (low, high))
         half = 0.5 * (high - low)
-        nodes = low[:, :, None] + half[:, :, None] * (1.0 + _E_NODES)
+        rule, weights = _legendre(self.nodes.shape[1])
+        nodes = low[:, :, None] + half[:, :, None] * (1.0 + rule)
         z = (nodes - self.middle[:, None, None]) / self.width[:, None, None]
-        mass = half[:, :, None] * _E_WEIGHTS * np.exp(-0.5 * z * z) / (1.0 + nodes)
+        mass = half[:, :, None] * weights * np.exp(-0.5 * z * z) / (1.0 + nodes)
         return nodes, mass / self.scale[:, None, None]
 
 
@@ -272,7 +276,7 @@ class FrictionLaw(GroupLaw):
     Attributes
     ----------
     kappa : KappaLaw
-    scale, mass : ndarray, (groups, 40)
+    scale, mass : ndarray, (groups, m)
         1 + e_n at its nodes, and the share that each stands for.
     mean, sd : ndarray, (groups,)
     """

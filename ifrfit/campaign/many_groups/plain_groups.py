@@ -158,16 +158,17 @@ def _rows(
     likelihoods = every.of_groups(certain)
     left_open = likelihoods.left_open()
     found: dict[int, Row] = {}
-    for some, is_open in alike_groups(likelihoods):
-        posteriors = group_posteriors(likelihoods.of_groups(some), left_open.of_groups(some), is_open)
+    for some, is_open, nodes in alike_groups(likelihoods):
+        few, left = likelihoods.of_groups(some), left_open.of_groups(some)
+        posteriors = group_posteriors(few, left, is_open, nodes)
         places = certain[some]
         columns = _columns(tuple(domains), posteriors, values.counts[places], conventions)
         cells = zip(*columns.values(), strict=True)
-        for place, is_resolved, own in zip(places.tolist(), posteriors.resolved, cells, strict=True):
+        for place, is_resolved, said in zip(places.tolist(), posteriors.resolved, cells, strict=True):
             if is_resolved:
                 group = groups[alike[place]]
                 row: Row = {"files": ", ".join(group.files), "rows": group.rows, FAILURE: ""}
-                found[alike[place]] = row | dict(zip(columns, own, strict=True))
+                found[alike[place]] = row | dict(zip(columns, said, strict=True))
     return found
 
 

@@ -97,7 +97,9 @@ class GroupPosteriors:
         return estimate_of(domain, marginal, Known(optimum=optimum))
 
 
-def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, is_open: bool) -> GroupPosteriors:
+def group_posteriors(
+    likelihoods: PlainLikelihoods, left_open: LeftOpen, is_open: bool, nodes: int
+) -> GroupPosteriors:
     """Posterior of each group.
 
     Parameters
@@ -108,9 +110,11 @@ def group_posteriors(likelihoods: PlainLikelihoods, left_open: LeftOpen, is_open
         What profiles say of them.
     is_open : bool
         Whether kappa has mass up to the end of its domain.
+    nodes : int
+        Over e_n.
     """
     with np.errstate(all="ignore"):  # what is not finite is not resolved
-        laws, correlation, resolved = marginal_laws(likelihoods, is_open)
+        laws, correlation, resolved = marginal_laws(likelihoods, is_open, nodes)
         sd = np.stack([each.sd for each in laws], axis=1)
         asked = ~left_open.is_open
         quantiles = _quantiles(laws, np.array(LEVELS), asked)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +36,8 @@ Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 _PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
-_STEPLESS = 0.6  # sd of kappa over that of e_n times mu
+_NODES = (40, 80)  # over e_n: the more, where kappa is about as sharp
+_SHARP, _STEPLESS = 2.0, 0.6  # sd of kappa over that of e_n times mu: where it is, and where it is too sharp
 # what a panel spans at most: sd of kappa, e-folds of its density, and widths of the constant given kappa
 _WIDEST, _STEEPEST, _FARTHEST = 0.8, 1.4, 1.0
 _BESIDE, _OUTSIDE = 3.0, 1.6  # widths inside a bound of the closure constant, and outside
@@ -50,22 +51,27 @@ class AlikeGroups(NamedTuple):
     groups : ndarray of int
     is_open : bool
         Whether kappa has mass up to the end of its domain.
+    nodes : int
+        Over e_n.
     """
 
     groups: Index
     is_open: bool
+    nodes: int
 
 
 def alike_groups(likelihoods: PlainLikelihoods) -> list[AlikeGroups]:
-    """Those that need about as many panels; groups that need more than any of them are left out."""
+    """Those that need about as many panels and nodes; groups that need more than any are left out."""
     panels, support = _Gaps.of(likelihoods).panels.sum(axis=1), likelihoods.support
+    is_sharp = support.sd < _SHARP * likelihoods.optimum[:, MU] * likelihoods.e_n.sd
     found = []
     for fewest, most in pairwise(_PANELS):
         suits = (panels > fewest) & (panels <= most)
-        for is_open, kind in ((False, support.is_closed), (True, support.is_open)):
+        for is_open, nodes in product((False, True), _NODES):
+            kind = (support.is_open if is_open else support.is_closed) & (is_sharp == (nodes > _NODES[0]))
             groups = np.flatnonzero(suits & kind)
             if groups.size:
-                found.append(AlikeGroups(groups, is_open))
+                found.append(AlikeGroups(groups, is_open, nodes))
     return found
 
 
@@ -86,7 +92,7 @@ class MarginalLaws(NamedTuple):
     proper: Bool
 
 
-def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool) -> MarginalLaws:
+def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool, nodes: int) -> MarginalLaws:
     """Integrate over kappa and e_n.
 
     Parameters
@@ -95,9 +101,11 @@ def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool) -> MarginalLaws:
         Of `alike_groups`.
     is_open : bool
         Whether kappa has mass up to the end of its domain.
+    nodes : int
+        Over e_n.
     """
     most, own_domain, e_n = likelihoods.most, likelihoods.own, likelihoods.e_n
-    restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain)
+    restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain, nodes)
     beyond = most * (1.0 + plateau_nodes(restitution)) if is_open else None
     grid = _Panels.of(likelihoods, beyond)
     kappa = KappaLaw.made(grid.edges, grid.nodes, grid.density)

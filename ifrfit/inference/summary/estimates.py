@@ -87,9 +87,10 @@ def _reached(distribution: Distribution, name: str, bounds: Interval, width68: f
     def below(x: Array, _: NDArray[np.intp]) -> Array:
         return np.asarray(distribution.cdf(name, x[0]))[None]
 
-    numbers = distribution.mean(name), distribution.sd(name), width68
-    of_one = (np.array([number]) for number in numbers)
-    (found,) = reached_bounds(*of_one, bounds, distribution.resolution, below).tolist()
+    mean, sd, width = (
+        np.array([number]) for number in (distribution.mean(name), distribution.sd(name), width68)
+    )
+    (found,) = reached_bounds(mean, sd, width, bounds, distribution.resolution, below).tolist()
     return found[0], found[1]
 
 
