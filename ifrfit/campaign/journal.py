@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit.campaign.group_fit import FAILURE, Row
+from ifrfit.campaign.report.contents import unfinished
 from ifrfit.errors import UsageError
 
 _FORM = "ifrfit/campaign-journal/3"
@@ -59,8 +60,7 @@ class Journal:
             There is an unfinished campaign and neither was said, or it asked something else or cannot be
             read, or nothing can be written.
         """
-        place = out.resolve()
-        journal = cls(place.with_name(f"{place.name}.unfinished.jsonl"), question)
+        journal = cls(unfinished(out), question)
         try:
             if journal._is_begun() and (resume or not force):
                 if not resume:

@@ -17,7 +17,8 @@ from ifrfit.campaign.population.limits import MostlyOpen
 from ifrfit.campaign.population.partial_pooling import Population, populations
 from ifrfit.campaign.population.repeated_priors import bounds_reason, prior_reason
 from ifrfit.data.conventions import parse_conventions
-from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
+from ifrfit.data.groups import Group, GroupedFiles, RefusedFile
+from ifrfit.data.table_folders import table_files
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
@@ -160,9 +161,10 @@ def run_campaign(
     DataError
         There is no file, no group in them, or no group that can be fitted.
     """
+    name = method if isinstance(method, str) else estimator_of(method).name
+    if name not in METHODS:
+        raise UsageError(f"--method {name}: campaigns take {', '.join(METHODS)}.")
     estimator = estimator_of(method)
-    if estimator.name not in METHODS:
-        raise UsageError(f"--method {estimator.name}: campaigns take {', '.join(METHODS)}.")
     if model is not None and model.tie:
         raise UsageError("A campaign does not know --tie: leave it out, or fit each group by itself.")
     if keywords.get("covariance") is not None:
@@ -209,7 +211,7 @@ def run_campaign(
                 progress(len(found), max(len(order), len(files.files)))
         if crew is not None:
             crew.let_go()
-    except (DataError, UsageError):
+    except (DataError, UsageError, KeyboardInterrupt):
         if not (found or journal.known):
             journal.close()  # nothing to go on with
         raise

@@ -62,13 +62,15 @@ def campaign(
     quiet: Quiet = False,
 ) -> None:
     """Constants of thousands of groups of impacts, and of the population they are drawn from."""
-    from ifrfit.campaign.report.contents import CAMPAIGN
+    from ifrfit.campaign.report.contents import CAMPAIGN, unfinished
+    from ifrfit.data.table_folders import table_files
     from ifrfit.inference.workers.crews import crew_of
     from ifrfit.report.atomic_folder import check_free, standing
 
     if question.pop("scene") is not None:
         raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
     check_free(out, force=force, of=CAMPAIGN)
+    table_files(list(map(Path, question["data"])))  # what is not there is said at once
     before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]
     try:
@@ -92,7 +94,7 @@ def campaign(
                 **question,
             )
     except KeyboardInterrupt:
-        interrupted("What was found is kept: --resume goes on.")
+        interrupted("What was found is kept: --resume goes on." if unfinished(out).exists() else "")
     if not quiet:
         from ifrfit.campaign.report.text import summary
 

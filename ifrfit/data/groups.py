@@ -17,13 +17,12 @@ from ifrfit.data.cell_table import CellColumn, Cells, UnreadableKindError
 from ifrfit.data.column_names import role_of
 from ifrfit.data.conventions import Conventions
 from ifrfit.data.readers import read_table
-from ifrfit.data.table_folders import possible_duplicates, same_rows, tables_in
+from ifrfit.data.table_folders import possible_duplicates, same_rows
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import joined
 
 FILE = "file"  # stands for the name of the file among the columns that groups are formed by
 _NO_CHANCE = 3  # rows that stand alike in two files of other groups for no other reason than a copy
-_SUFFIXES = (".csv", ".tsv", ".parquet")
 
 
 @dataclass(frozen=True)
@@ -75,28 +74,6 @@ class RefusedFile:
 
     name: str
     reason: str
-
-
-def table_files(paths: Sequence[Path]) -> list[Path]:
-    """The files named, and those of the folders named, with their folders, in the order of their names.
-
-    Raises
-    ------
-    DataError
-        A path does not exist, or there is no CSV, TSV or Parquet file in a folder.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            inside = tables_in(path, _SUFFIXES)
-            if not inside:
-                raise DataError(f"{path}: there is no CSV, TSV or Parquet file in this folder.")
-            found += inside
-        elif path.exists():
-            found.append(path)
-        else:
-            raise DataError(f"{path}: there is no such file or folder. Check the name.")
-    return list(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,31 @@ import numpy as np
 from ifrfit.data.cell_table import Cells
 from ifrfit.errors import DataError
 
+_SUFFIXES = (".csv", ".tsv", ".parquet")
 _PACKED = (".gz", ".zst")
 _ROUNDING = 1e-6  # relative, to which a number is the one that another file has: text may have been rounded
+
+
+def table_files(paths: Sequence[Path]) -> list[Path]:
+    """The files named, and those of the folders named, with their folders, in the order of their names.
+
+    Raises
+    ------
+    DataError
+        A path does not exist, or there is no CSV, TSV or Parquet file in a folder.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = tables_in(path, _SUFFIXES)
+            if not inside:
+                raise DataError(f"{path}: there is no CSV, TSV or Parquet file in this folder.")
+            found += inside
+        elif path.exists():
+            found.append(path)
+        else:
+            raise DataError(f"{path}: there is no such file or folder. Check the name.")
+    return list(dict.fromkeys(found))
 
 
 def tables_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:

@@ -12,7 +12,8 @@ import pytest
 from refusals import refused
 
 from ifrfit.data.conventions import parse_conventions
-from ifrfit.data.groups import Group, GroupedFiles, RefusedFile, table_files
+from ifrfit.data.groups import Group, GroupedFiles, RefusedFile
+from ifrfit.data.table_folders import table_files
 from ifrfit.errors import DataError, UsageError
 
 PLAIN = parse_conventions(())

@@ -19,6 +19,8 @@ from ifrfit.campaign.report.page import page
 from ifrfit.campaign.report.table import results_table
 from ifrfit.campaign.report.text import summary
 from ifrfit.campaign.run import run_campaign
+from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.groups import GroupedFiles
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.options import AngleErrors, Model, Noise
 from ifrfit.inference.workers.crews import crew_of
@@ -136,6 +138,23 @@ def test_an_interrupted_campaign_goes_on(tmp_path, monkeypatch):
     assert not journal.exists()
 
 
+@pytest.mark.parametrize("groups", [0, 3])
+def test_an_interrupt_says_what_is_kept_where_something_was_found(tmp_path, monkeypatch, groups):
+    path = campaign_file(tmp_path / "all.csv")
+    every = list(GroupedFiles.groups(GroupedFiles((path,), ("run",), parse_conventions(()))))
+    monkeypatch.setattr("ifrfit.campaign.run.groups_at_once", lambda _: 1)
+
+    def interrupted(_):
+        yield from every[:groups]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(GroupedFiles, "groups", interrupted)
+    found = command("campaign", str(path), "--by", "run", "--no-facts", "--out", str(tmp_path / "out"))
+    kept = " What was found is kept: --resume goes on." if groups else ""
+    assert (found.returncode, found.stdout, found.stderr) == (130, "", f"ifrfit: interrupted.{kept}\n")
+    assert (tmp_path / "out.unfinished.jsonl").exists() == bool(groups)
+
+
 def _counting(function, calls):
     def counted(*given):
         calls.append(given)
@@ -159,7 +178,12 @@ def test_a_group_that_changed_meanwhile_is_fitted_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"), [({"method": "mcmc"}, "campaigns take"), ({"workers": 0}, "1 or more")]
+    ("options", "said"),
+    [
+        ({"method": "mcmc"}, "--method mcmc: campaigns take exact, lsq, profile"),
+        ({"method": "exact("}, r"--method exact\(: campaigns take exact, lsq, profile"),
+        ({"workers": 0}, "1 or more"),
+    ],
 )
 def test_what_is_refused(tmp_path, options, said):
     path = campaign_file(tmp_path / "all.csv", runs=1)
