@@ -7,7 +7,14 @@ import pytest
 from scipy import stats
 from scipy.optimize import brentq
 
-from ifrfit.campaign.many_groups.laws import NODES, ConstantLaw, FrictionLaw, KappaLaw, RestitutionLaw
+from ifrfit.campaign.many_groups.laws import (
+    NODES,
+    WEIGHTS,
+    ConstantLaw,
+    FrictionLaw,
+    KappaLaw,
+    RestitutionLaw,
+)
 from ifrfit.inference.distributions.protocol import LEVELS
 
 EXACT = 1e-6
@@ -66,6 +73,42 @@ def test_each_quantile_is_found(kind, seed):
     off = np.abs(share - LEVELS) / np.maximum(density * law.sd[:, None], 1e-3)  # in sd, where the law is one
     assert off.max() < 1e-5
     assert np.median(off) < EXACT / 100.0
+
+
+@pytest.mark.parametrize("beyond", [-30.0, 0.0, 1.0, 4.0])
+def test_e_n_that_lies_beyond_its_bound(beyond):
+    """What is looked at ended 5.5 sd from the mean, also where the mean lies 4 sd outside."""
+    sd = 0.05
+    middle = 1.0 + beyond * sd if beyond >= 0.0 else 0.4
+    law = RestitutionLaw.made(np.array([middle]), np.array([sd]), (0.0, 1.0), 40)
+    x = np.linspace(0.0, 1.0, 2_000_001)
+    density = np.exp(-0.5 * ((x - middle) ** 2 - (min(middle, 1.0) - middle) ** 2) / sd**2) / (1.0 + x)
+    share = np.cumsum(density)
+    expected = np.interp(LEVELS, share / share[-1], x)
+    np.testing.assert_allclose(law.quantiles(np.array(LEVELS))[0], expected, atol=2e-5 * law.sd[0])
+
+
+def test_fewer_nodes_stand_for_the_same_law():
+    rng = np.random.default_rng(8)
+    groups, panels = 60, 30
+    edges = np.sort(rng.uniform(-4.0, 4.0, (groups, panels + 1)), axis=1)
+    edges = edges * (1.0 / np.diff(edges, axis=1).max(axis=1))[:, None]  # no panel wider than a law
+    half = 0.5 * np.diff(edges, axis=1)[:, :, None]
+    at = edges[:, :-1, None] + half * (1.0 + NODES)
+    width = np.exp(rng.uniform(-4.0, -1.0, (groups, 1, 1)))
+    middle = rng.uniform(-1.0, 0.5, (groups, 1, 1)) + width * at
+    height = half * WEIGHTS * np.exp(rng.uniform(-0.5, 0.5, (groups, 1, 1)) * at)
+    low, high = ((bound - middle) / width for bound in DOMAIN)
+    mass = (height * (stats.norm.cdf(high) - stats.norm.cdf(low))).sum(axis=(1, 2), keepdims=True)
+    seen = (mass > 0.1 * height.sum(axis=(1, 2), keepdims=True))[:, 0, 0]
+    of = [each[seen] for each in (middle, np.broadcast_to(width, middle.shape), height / mass)]
+    whole = ConstantLaw.made(*of, DOMAIN)
+    few = whole.with_fewer_nodes()
+    assert few.middle.shape[1] <= 3 * panels
+    there = few.quantiles(np.array(LEVELS))
+    np.testing.assert_allclose(
+        there / whole.sd[:, None], whole.quantiles(np.array(LEVELS)) / whole.sd[:, None], atol=1e-5
+    )
 
 
 def test_a_constant_against_the_root_of_its_mixture():

@@ -315,6 +315,44 @@ def test_angles_that_lie_close_together(tmp_path, half_width):
                 assert row[f"{name}_lo95"] <= row[name] <= row[f"{name}_hi95"]
 
 
+def test_a_peak_away_from_a_bound_whose_tail_reaches_it(tmp_path):
+    """e_t was called determined: its peak is far from -1 in sd, but a second mode is not."""
+    table = pd.DataFrame(
+        {
+            "run": "r",
+            "gamma_deg": [68.802269, 69.233237, 70.075515, 70.48198, 70.168738, 69.635758],
+            "spin_y": [0.314918, 0.550146, 0.435841, 0.217589, 0.312029, -0.599348],
+            "beta": [-0.472824, -0.517741, -0.537987, -0.430201, -0.504481, 0.336876],
+            "e_n": [0.036367, 0.042747, 0.045371, 0.048304, 0.046721, 0.040508],
+            "sigma_beta": 0.027349,
+            "sigma_e_n": 0.004764,
+        }
+    )
+    files, groups = read(tmp_path, table)
+    (row,) = plain_rows(question(), files, groups).values()
+    assert row["e_t_status"] == "one_sided"
+    assert_alike(row, fit_group(question(), files, groups[0]))
+
+
+def test_friction_where_e_n_is_hardly_known(tmp_path):
+    """There kappa is as sharp as mu 1 + e_n, and 40 nodes of e_n left mu off by up to 5e-4 sd."""
+    table = table_of(40, "spin_y_after", seed=3, sigma=0.01)
+    table["sigma_e_n"] = 0.12
+    table["e_n"] = np.abs(table["e_n"] + 0.12 * np.random.default_rng(3).standard_normal(len(table)))
+    files, groups = read(tmp_path, table)
+    found = plain_rows(question(), files, groups)
+    seen = 0
+    for place, row in found.items():
+        fields = [f"mu_{part}" for part in ("lo95", "lo68", "hi68", "hi95")]
+        if row["mu_sd"] is None or not row["kappa_sd"] < 1.5 * row["mu"] * row["e_n_sd"]:
+            continue
+        alone = fit_group(question(method=Exact(accuracy=1e-6)), files, groups[place])
+        for key in fields:
+            assert row[key] == pytest.approx(alone[key], abs=1e-4 * alone["mu_sd"]), key
+        seen += 1
+    assert seen >= 5
+
+
 def test_an_impossible_reading_fails_its_own_group_alone(tmp_path):
     """It was an internal error that ended the whole campaign."""
     table = table_of(6)

@@ -19,7 +19,7 @@ Index = NDArray[np.intp]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a panel
 _TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True)).T  # values at the nodes @ this: coefficients
-_E_SPAN = 5.5  # sd of e_n on either side
+_E_SPAN = 5.5  # sd of e_n on either side of its best value
 _SMALL = 1e-11  # mass of a node over the largest, below which it is left out
 
 
@@ -227,8 +227,9 @@ class RestitutionLaw(GroupLaw):
     def made(cls, middle: Array, width: Array, domain: tuple[float, float], nodes: int) -> RestitutionLaw:
         """From mean and sd of the normal law, (groups,) each, and the number of nodes."""
         rule, weights = _legendre(nodes)
-        low = np.maximum(middle - _E_SPAN * width, domain[0])
-        high = np.minimum(middle + _E_SPAN * width, domain[1])
+        best = np.clip(middle, *domain)
+        low = np.maximum(best - _E_SPAN * width, domain[0])
+        high = np.minimum(best + _E_SPAN * width, domain[1])
         half = 0.5 * (high - low)
         places = (low + half)[:, None] + half[:, None] * rule
         z = (places - middle[:, None]) / width[:, None]

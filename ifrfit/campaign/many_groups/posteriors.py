@@ -164,8 +164,11 @@ def _at_ends(
 
 
 def _is_clear(sd: Array, quantiles: Array, domains: Sequence[Domain], quantity: int) -> Bool:
-    """Whether a quantity is determined beyond doubt: narrow, and far from its bounds."""
+    """Whether a quantity is determined beyond doubt: narrow, and far from its bounds with its tails, too."""
     bounds = domains[quantity]
-    middle, away = quantiles[:, quantity, 2], _CLEAR[quantity] * sd[:, quantity]
-    inside = (middle - away > bounds.lower) & (middle + away < min(bounds.upper, bounds.prior_upper))
-    return np.asarray(inside & (sd[:, quantity] < _NARROW * HALF * bounds.prior_sd))
+    upper = min(bounds.upper, bounds.prior_upper)
+    low95, _, middle, _, high95 = quantiles[:, quantity].T
+    own, away = sd[:, quantity], _CLEAR[quantity] * sd[:, quantity]
+    inside = (middle - away > bounds.lower) & (middle + away < upper)
+    inside &= (low95 - own > bounds.lower) & (high95 + own < upper)
+    return np.asarray(inside & (own < _NARROW * HALF * bounds.prior_sd))
