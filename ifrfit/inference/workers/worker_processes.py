@@ -19,8 +19,6 @@ from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
 
-_FORKS = sys.platform == "linux"  # elsewhere libraries of the system may not bear it
-
 # a problem names its closure, observables and law of errors: each process looks them up
 _NEEDED = (CLOSURES, OBSERVABLES, ERROR_LAWS)
 
@@ -60,8 +58,14 @@ def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
         What each imports before there is work.
     """
     added = registered_here(f"--workers {workers}")
-    context = get_context("forkserver" if module and _FORKS else "spawn")
-    pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(added, module))
+    if module and import_once(module):
+        with suppress(OSError):  # what it is asked through has been removed
+            return _pool(workers, "forkserver", added, module)
+    return _pool(workers, "spawn", added, module)
+
+
+def _pool(workers: int, how: str, added: list[tuple[str, str]], module: str) -> ProcessPoolExecutor:
+    pool = ProcessPoolExecutor(workers, get_context(how), initializer=_begin, initargs=(added, module))
     # a process that were first started when work comes could start while another one dies, and Python 3.11's
     # pool would print that it cannot count its processes meanwhile
     with interrupts_deferred(), suppress(BrokenProcessPool):
@@ -76,15 +80,20 @@ def import_once(module: str) -> bool:
     Returns
     -------
     bool
-        False where each has to import it by itself.
+        False where each has to import it by itself: elsewhere than on Linux, where libraries of the system
+        may not bear it, and where there is no place for its socket.
     """
-    if _FORKS:
-        from multiprocessing import forkserver  # which is not everywhere
+    if sys.platform != "linux":
+        return False
+    from multiprocessing import forkserver  # which is not everywhere
 
-        get_context("forkserver").set_forkserver_preload([module])
+    get_context("forkserver").set_forkserver_preload([module])
+    try:
         with interrupts_deferred():
             forkserver.ensure_running()
-    return _FORKS
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

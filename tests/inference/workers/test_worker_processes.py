@@ -155,6 +155,28 @@ def test_what_processes_need_is_imported_before_there_is_work() -> None:
         crew.close()
 
 
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_temporary_folder_in_which_no_socket_can_be(tmp_path: Path, gone: bool) -> None:
+    """It was an internal error: the path of a socket has some hundred letters at most."""
+    folder = tmp_path / ("short" if gone else "x" * 120)
+    folder.mkdir()
+    script = f"""
+from pathlib import Path
+from ifrfit.inference.workers.crews import Processes
+crew = Processes(1, "ifrfit.errors")
+if {gone}:
+    for socket in Path({str(folder)!r}).glob("*/listener-*"):
+        socket.unlink()
+print(crew.result(crew.submit(len, "abc")))
+crew.close()
+"""
+    env = os.environ | {"TMPDIR": str(folder)}
+    found = subprocess.run(
+        [sys.executable, "-c", script], env=env, capture_output=True, text=True, timeout=60
+    )
+    assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
+
+
 def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
     crew = Processes(1)
     try:
