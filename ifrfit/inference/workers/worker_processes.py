@@ -85,9 +85,10 @@ def import_once(module: str) -> bool:
     """
     if sys.platform != "linux":
         return False
-    from multiprocessing import forkserver  # which is not everywhere
+    from multiprocessing import forkserver, resource_tracker  # which are not everywhere
 
     get_context("forkserver").set_forkserver_preload([module])
+    resource_tracker.ensure_running()  # which would let interrupts in again
     try:
         with interrupts_deferred():
             forkserver.ensure_running()

@@ -177,6 +177,30 @@ crew.close()
     assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
 
 
+def test_an_interrupt_while_they_import_is_left_to_who_started_them(tmp_path: Path) -> None:
+    """Python's tracker of resources lets interrupts in again where it starts."""
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(1.0)\n")
+    script = """
+import os, signal, time
+from ifrfit.inference.workers.crews import Processes
+signal.signal(signal.SIGINT, lambda *_: None)
+crew = Processes(1, "slow")
+time.sleep(0.5)
+os.killpg(0, signal.SIGINT)  # as a terminal does: to all of them
+print(crew.result(crew.submit(len, "abc")))
+crew.close()
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        start_new_session=True,
+    )
+    assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
+
+
 def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
     crew = Processes(1)
     try:
