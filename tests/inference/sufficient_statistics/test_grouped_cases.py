@@ -58,7 +58,7 @@ def test_sds_are_those_of_a_bootstrap_of_impacts(tmp_path, kind):
 
 
 def test_unknown_noise_and_series(tmp_path):
-    table = impacts(3000, 3, columns=("v_x", "v_n"), series=2)
+    table = impacts(1200, 3, columns=("v_x", "v_n"), series=2)
     table.to_csv(tmp_path / "all.csv", index=False)
     asked = {"method": ifrfit.Bootstrap(replicates=REPLICATES), "noise": "unknown"}
     folder = folder_of(tmp_path / "all", table)
