@@ -75,7 +75,7 @@ def test_unknown_noise_and_series(tmp_path):
 
 
 def test_the_answer_is_that_of_any_parting_and_any_workers(tmp_path, monkeypatch):
-    folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
+    folder = folder_of(tmp_path / "all", impacts(2400), 3, "parquet")
     once = ifrfit.fit(folder, method=ifrfit.Bootstrap(replicates=100))
     monkeypatch.setattr(portions, "FIRST_ROWS", 800)
     monkeypatch.setattr(portions, "ROWS", 900)

@@ -64,9 +64,11 @@ def whole(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize(("series", "workers"), [(1, 7), (3, 2)])
-def test_workers_change_no_bit(tmp_path, series, workers):
-    folder = folder_of(tmp_path / "all", impacts(2500, series=series), 3, "parquet")
+@pytest.mark.parametrize(("series", "rows", "workers"), [(1, 1500, 4), (3, 2500, 2)])
+def test_workers_change_no_bit(tmp_path, series, rows, workers):
+    folder = folder_of(tmp_path / "all", impacts(rows, series=series), 3, "parquet")
+    # more processes than portions, and fewer
+    assert (workers > len(portions.portions_of(sorted(folder.iterdir())))) == (workers > 2)
     alone = record_of(ifrfit.fit(folder, method="exact"))
     assert record_of(ifrfit.fit(folder, method=Exact(workers=workers))) == alone
 
