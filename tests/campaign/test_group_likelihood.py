@@ -94,7 +94,7 @@ def test_the_prior_of_mu_in_e_t_against_quadrature(rho):
 def posteriors_of_equal_groups(rng, relative, groups, truth=0.2):
     """Quantiles of the posterior of each group, (5, groups)."""
     sd = relative * truth
-    return np.stack([posterior_of(x, sd, LOG).ppf(LEVELS) for x in rng.normal(truth, sd, groups)], axis=1)
+    return posterior_of(rng.normal(truth, sd, groups), sd, LOG).ppf(np.asarray(LEVELS)[:, None])
 
 
 def error_of_the_mean(y, s, truth=0.2):

@@ -39,7 +39,7 @@ def test_every_replicate_has_the_optimum_that_it_has_alone(name: str, scheme: st
     problem, found = asked(name)
     together, alone = solver_of(problem, found), SequentialSolver.of(problem, found)
     assert isinstance(together, SearchedSolver)
-    lot = draw_replicates(problem, make_scheme(scheme, problem, found), np.random.SeedSequence(3).spawn(6))
+    lot = draw_replicates(problem, make_scheme(scheme, problem, found), np.random.SeedSequence(3).spawn(4))
     ours, theirs = together.solve(lot), alone.solve(lot)
     assert ours.reason == theirs.reason
     assert (ours.undetermined == theirs.undetermined).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
@@ -248,12 +249,18 @@ BLEND = Closure(
 )
 
 
+@functools.cache
+def blended():
+    """The problem of a closure that is registered while it is asked for, and its optimum."""
+    problem = ifrfit.fit("cornell-glass", closure="blend", method="lsq").problem
+    return problem, least_squares(problem)
+
+
 def test_a_rare_tail_that_makes_most_of_a_variance_is_drawn_from():
     # a thousandth of the posterior lies far out in mu, where draws about the mode hardly come: a brute grid
     # over the constants gives mu an sd of 0.038, four times what a chain of 40,000 steps says
     with registered(BLEND):
-        problem = ifrfit.fit("cornell-glass", closure="blend", method="lsq").problem
-        found = sampled_posterior(problem, least_squares(problem))
+        found = sampled_posterior(*blended())
     assert found.converged
     assert found.sd("mu") == pytest.approx(0.0382, rel=0.03)
 
@@ -261,8 +268,7 @@ def test_a_rare_tail_that_makes_most_of_a_variance_is_drawn_from():
 def test_where_draws_do_not_converge_a_larger_grid_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ImportancePosterior, "converged", property(lambda _: False))
     with registered(BLEND):
-        problem = ifrfit.fit("cornell-glass", closure="blend", method="lsq").problem
-        start = least_squares(problem)
+        problem, start = blended()
         found = exact_posterior(problem, start=start)
     assert found.converged
     assert isinstance(found, QuadraturePosterior)

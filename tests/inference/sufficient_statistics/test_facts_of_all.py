@@ -52,7 +52,9 @@ def test_whether_series_share_their_noise(tmp_path):
     assert not theirs.ok
     assert ours.says == theirs.says
     assert ours.figures["p"] == pytest.approx(theirs.figures["p"], rel=1e-6)
-    equal, _ = both(tmp_path / "equal", two_series(1500, (0.15, 0.15)), noise="unknown")
+    equal = ifrfit.fit(
+        folder_of(tmp_path / "equal", two_series(1500, (0.15, 0.15))), method="lsq", noise="unknown"
+    )
     assert "unequal_noise" not in equal.facts
 
 

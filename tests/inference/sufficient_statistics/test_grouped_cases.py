@@ -58,7 +58,7 @@ def test_sds_are_those_of_a_bootstrap_of_impacts(tmp_path, kind):
 
 
 def test_unknown_noise_and_series(tmp_path):
-    table = impacts(3000, 3, columns=("v_x", "v_n"), series=2)
+    table = impacts(1200, 3, columns=("v_x", "v_n"), series=2)
     table.to_csv(tmp_path / "all.csv", index=False)
     asked = {"method": ifrfit.Bootstrap(replicates=REPLICATES), "noise": "unknown"}
     folder = folder_of(tmp_path / "all", table)
@@ -75,7 +75,7 @@ def test_unknown_noise_and_series(tmp_path):
 
 
 def test_the_answer_is_that_of_any_parting_and_any_workers(tmp_path, monkeypatch):
-    folder = folder_of(tmp_path / "all", impacts(4000), 3, "parquet")
+    folder = folder_of(tmp_path / "all", impacts(2400), 3, "parquet")
     once = ifrfit.fit(folder, method=ifrfit.Bootstrap(replicates=100))
     monkeypatch.setattr(portions, "FIRST_ROWS", 800)
     monkeypatch.setattr(portions, "ROWS", 900)

@@ -97,7 +97,7 @@ def assert_same_bits(one, other):
 ODD_CELLS = st.tuples(st.integers(0, 10_000), st.tuples(st.sampled_from(sorted(ODD)), st.integers(0, 20)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.integers(0, 10_000),
     st.integers(1, 300),

@@ -19,7 +19,10 @@ pytest.importorskip("numba")
 ODD = {"a": 17, "b": 250, "in/c": 90}  # a row of each file whose beta is far off
 
 
-@pytest.fixture(params=["csv", "csv.gz", "parquet", "whole parquet"])
+KINDS = ("csv", "csv.gz", "parquet", "whole parquet")
+
+
+@pytest.fixture(params=KINDS)
 def folder(tmp_path, monkeypatch, request):
     """Three files, in several portions each where they can be, with an outlier in each."""
     monkeypatch.setattr(portions, "_TEXT_BYTES", 6000)
@@ -47,7 +50,12 @@ def first_of(name):
     return 1 if name.endswith("parquet") else 2
 
 
-@pytest.mark.parametrize(("workers", "size"), [(1, 500), (1, 20_000), (2, 500)])
+@pytest.mark.parametrize(
+    ("folder", "workers", "size"),
+    # of several processes, files that are read in portions: a whole one is a portion like any other
+    [(kind, 1, size) for kind in KINDS for size in (500, 20_000)] + [("csv", 2, 500), ("parquet", 2, 500)],
+    indirect=["folder"],
+)
 def test_outliers_are_named_and_the_remedy_works(folder, monkeypatch, size, workers):
     """Rows of the sample were named by their number in it, and --exclude was refused."""
     monkeypatch.setattr(sample, "SAMPLE", size)

@@ -123,8 +123,12 @@ LABELS = {
 }
 
 
-@pytest.mark.parametrize("first", LABELS)
-@pytest.mark.parametrize("second", ["categories", "large", "views"])
+@pytest.mark.parametrize(
+    ("first", "second"),
+    # every type first, and every kind of text after text and after numbers: files are read one by one
+    [(first, "categories") for first in LABELS]
+    + [(first, second) for first in ("categories", "integers") for second in ("large", "views")],
+)
 def test_labels_of_files_may_have_other_types(folder, first, second):
     table = impacts(400, series=2)
     labels = table.pop("series")

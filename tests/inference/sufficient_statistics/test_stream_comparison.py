@@ -30,7 +30,7 @@ TOLERANCE = 1e-4  # of a log evidence: the quadrature's own is 1e-6 of a standar
     ids=str,
 )
 def test_a_comparison_is_that_of_all_rows(tmp_path, options, table):
-    rows = impacts(1500, 3, **table)
+    rows = impacts(700, 3, **table)
     rows.to_csv(tmp_path / "all.csv", index=False)
     held = ifrfit.compare(tmp_path / "all.csv", BILINEAR, loo=False, **options)
     streamed = ifrfit.compare(folder_of(tmp_path / "all", rows), loo=False, **options)

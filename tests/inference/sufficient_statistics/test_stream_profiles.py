@@ -26,7 +26,7 @@ TOLERANCE = 1e-7
     [
         ({"noise": "known"}, {}),
         ({"noise": "unknown"}, {"columns": ("v_x", "v_n"), "spin": 0.6}),
-        ({"noise": "unknown", "separate": ("mu",)}, {"series": 2}),
+        ({"noise": "unknown", "separate": ("mu",)}, {"series": 2, "n": 400}),
         ({"closure": "f"}, {}),
         ({"bounds": {"mu": (0.1, 0.1501)}}, {}),
         ({"prior": {"e_n": (0.9, 0.01)}}, {"columns": ("beta",), "sigma": 0.5}),
@@ -34,7 +34,7 @@ TOLERANCE = 1e-7
     ids=str,
 )
 def test_profiles_are_those_of_all_rows(tmp_path, options, table):
-    rows = impacts(1000, 3, **table)
+    rows = impacts(**{"n": 1000, "seed": 3, **table})
     rows.to_csv(tmp_path / "all.csv", index=False)
     held = ifrfit.fit(tmp_path / "all.csv", method="profile", **options)
     streamed = ifrfit.fit(folder_of(tmp_path / "all", rows), method="profile", **options)

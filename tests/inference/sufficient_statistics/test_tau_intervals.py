@@ -116,7 +116,7 @@ def held_of(monkeypatch, call):
 
 
 def test_few_rows_are_held_of_many(tmp_path, monkeypatch, many_in_small):
-    folder = folder_of(tmp_path / "all", impacts(60_000, sigma=0.001, spin=0.0), 15, "parquet")
+    folder = folder_of(tmp_path / "all", impacts(32_000, sigma=0.001, spin=0.0), 8, "parquet")
     compared = lambda: ifrfit.compare(folder, loo=False)  # noqa: E731
     monkeypatch.setattr("ifrfit.inference.sufficient_statistics.stream_fit.BINS", 64)
     coarse, many, most = held_of(monkeypatch, compared)

@@ -69,7 +69,7 @@ def rows_by(address, work):
 
 
 def test_a_fit_is_the_same_to_the_last_bit(tmp_path, local, small_portions):
-    folder = folder_of(tmp_path / "all", impacts(5000, series=2), 3, "parquet")
+    folder = folder_of(tmp_path / "all", impacts(3000, series=2), 3, "parquet")
     alone = ifrfit.fit(folder, method="lsq")
     assert record_of(ifrfit.fit(folder, method=LeastSquares(scheduler=local))) == record_of(alone)
 

@@ -12,7 +12,7 @@ from ifrfit.data.groups import Group
 from ifrfit.inference.workers.crews import crew_of
 from ifrfit.inference.workers.lots import in_lots
 
-LOT = 100
+LOT = 16  # each halving of the lot of a group that kills takes processes that start anew
 GROUPS = [Group((f"{number}",), ()) for number in range(3 * LOT + 7)]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 
