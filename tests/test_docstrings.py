@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import doctest
 import inspect
+from functools import wraps
 from operator import attrgetter
 from pathlib import Path
 
@@ -37,6 +38,32 @@ def examples_run(name, text):
     result = doctest.DocTestRunner(optionflags=OPTIONS).run(found, out=said.append)
     assert result.failed == 0, "".join(said)
     return len(found.examples)
+
+
+@pytest.fixture(autouse=True)
+def fitted_once(monkeypatch):
+    """The same fit or comparison, which many examples begin with, is made once; both are frozen."""
+    for name in ("fit", "compare"):
+        monkeypatch.setattr(ifrfit, name, SHARED[name])
+
+
+def shared(function):
+    """A function that answers a question put in the same words again as it did before."""
+    seen = {}
+
+    @wraps(function)
+    def once(*args, **kwargs):
+        words = repr((args, sorted(kwargs.items())))
+        if " at 0x" in words or not all(isinstance(each, str) for each in args[:1]):
+            return function(*args, **kwargs)
+        if words not in seen:
+            seen[words] = function(*args, **kwargs)
+        return seen[words]
+
+    return once
+
+
+SHARED = {name: shared(getattr(ifrfit, name)) for name in ("fit", "compare")}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import lmfit
 import numpy as np
@@ -31,6 +32,14 @@ def table(seed, mu=0.12, sigma=0.02):
 
 
 ONE, TWO, THREE = table(1), table(2, 0.15), table(3, 0.1)
+# some 2,000 independent draws: means to 0.02 sd, sds to 2 %
+SHORT = ifrfit.MCMC(max_steps=30)
+
+
+@cache
+def tied_fit(method):
+    """The fit of the tie, which is frozen."""
+    return ifrfit.fit(ONE, tie=TIE, method=method)
 
 
 def by_lmfit(data, expression):
@@ -105,7 +114,7 @@ def test_two_of_three_series_share_and_the_third_has_its_own():
 
 @pytest.mark.parametrize("method", ["lsq", "mcmc"])
 def test_a_tied_fit_goes_through_files_and_pages(tmp_path, method):
-    fit = ifrfit.fit(ONE, tie=TIE, method=method)
+    fit = tied_fit(method)
     text = fit.summary()
     assert "determined: tied: -1 + 2*mu" in text
     assert "Tied: e_t = -1 + 2*mu" in text
@@ -125,7 +134,7 @@ def test_a_tied_fit_goes_through_files_and_pages(tmp_path, method):
 
 
 def test_draws_of_least_squares_obey_the_tie_and_its_width():
-    fit = ifrfit.fit(ONE, tie=TIE, method="lsq")
+    fit = tied_fit("lsq")
     draws = fit.draws(4000, np.random.default_rng(3))
     np.testing.assert_allclose(draws["e_t"], -1.0 + 2.0 * draws["mu"], atol=2e-4 * 0.1)
     assert draws["mu"].std() == pytest.approx(fit.constants.mu.stderr, rel=0.05)
@@ -136,7 +145,7 @@ def test_parameters_of_lmfit_may_hold_expressions():
     params.add("mu", 0.1, min=0.0)
     params.add("e_t", expr="-1 + 2*mu")
     found = ifrfit.fit(ONE, params=params, method="lsq").constants
-    assert found == ifrfit.fit(ONE, tie=TIE, method="lsq").constants
+    assert found == tied_fit("lsq").constants
 
 
 @pytest.mark.parametrize(
@@ -210,7 +219,7 @@ def test_what_else_does_not_know_ties_says_so(tmp_path):
     ONE.to_csv(tmp_path / "part.csv", index=False)
     with refused(UsageError, match="rows that are held in memory"):
         ifrfit.fit(tmp_path, tie=TIE, method="lsq")
-    fit = ifrfit.fit(ONE, tie=TIE, method="lsq")
+    fit = tied_fit("lsq")
     for ask in (fit.intervals, fit.plot_compare, lambda: fit.plot_profile("mu"), lambda: fit.lmfit_result):
         with refused(UsageError, match="tied"):
             ask()
@@ -218,7 +227,7 @@ def test_what_else_does_not_know_ties_says_so(tmp_path):
 
 @pytest.mark.parametrize("tie", [{"mu": "0.5*(e_t + 1)"}, {"e_n": "1.02 - mu"}, {"e_n": "1.02 - mu", **TIE}])
 def test_any_constant_may_be_tied_and_both_methods_agree(tie):
-    by_lsq, by_chains = (ifrfit.fit(ONE, tie=tie, method=method).constants for method in ("lsq", "mcmc"))
+    by_lsq, by_chains = (ifrfit.fit(ONE, tie=tie, method=method).constants for method in ("lsq", SHORT))
     for name, found in by_lsq.items():
         # the posterior leans by some tenths of an sd where the transition passes an impact
         assert by_chains[name].value == pytest.approx(found.value, abs=0.3 * found.stderr)
@@ -240,7 +249,9 @@ def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
     """Beta tells e_t and kappa; the tie tells e_n then, and both tell mu."""
     beta = ONE[["gamma_deg", "beta", "sigma_beta"]]
     alone = ifrfit.fit(beta, method="lsq", fix={"e_n": 0.9}).constants
-    found = ifrfit.fit(beta, method=method, tie=tie).constants
+    # of chains some 8,000 independent draws: sds to 1 %
+    chosen = ifrfit.MCMC(max_steps=100) if method == "mcmc" else method
+    found = ifrfit.fit(beta, method=chosen, tie=tie).constants
     names = {"e_n": 0.0, "e_t": alone.e_t.value, "mu": 0.0}
     (text,) = tie.values()
     slope = -1.0 if text.startswith("-") else 0.1
@@ -295,7 +306,7 @@ def test_chains_start_where_the_tie_ends_the_domain_at_the_optimum():
     # warnings are errors here; half of all places near the optimum, and its own, have no density
     beta = np.asarray(ifrfit.rebound(GAMMA, e_n=0.9, e_t=-1.0, mu=0.15, degrees=True).beta)
     fit = ifrfit.fit(
-        gamma_deg=GAMMA, beta=beta, sigma=0.02, tie={"e_t": "-mu"}, fix={"e_n": 0.9}, method="mcmc"
+        gamma_deg=GAMMA, beta=beta, sigma=0.02, tie={"e_t": "-mu"}, fix={"e_n": 0.9}, method=SHORT
     )
     assert fit.constants.mu.value == pytest.approx(1.0, abs=1e-3)
 
@@ -318,7 +329,7 @@ def test_intervals_of_least_squares_say_when_they_reach_beyond_the_domain_of_ano
     """With e_n from 0 to 1 mu lies between kappa / 2 and kappa."""
     beta = ONE[["gamma_deg", "beta", "sigma_beta"]]
     says = "the tie may end"
-    by_lsq, by_chains = (ifrfit.fit(beta, tie={"e_t": "-1 + mu"}, method=m) for m in ("lsq", "mcmc"))
+    by_lsq, by_chains = (ifrfit.fit(beta, tie={"e_t": "-1 + mu"}, method=m) for m in ("lsq", SHORT))
     kappa = by_lsq.derived["kappa"].value
     assert by_lsq.constants.mu.interval95[1] > kappa  # more than any e_n leaves
     assert any(says in each and "e_n" in each and "mcmc" in each for each in by_lsq.warnings)

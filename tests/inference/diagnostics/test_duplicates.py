@@ -9,12 +9,19 @@ from factories import at_most, table_file
 from slips_scenes import Cause, Scene, experiment
 
 import ifrfit
+from ifrfit.inference.diagnostics.copied_readings import duplicates, repeated_number
 from ifrfit.inference.diagnostics.rounding_step import rounding_step
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.noise import resolution
 from ifrfit.physics import rebound
 
 GAMMA = np.repeat(np.linspace(10.0, 70.0, 7), 6)
+
+
+def copies(data, **options):
+    """What is found of copies, whatever else is said: many tables need no other fact."""
+    found = fit(data, method="lsq", **options)
+    return duplicates(found.problem, found.least_squares)
 
 
 def repeats(path, decimals, seed):
@@ -24,7 +31,7 @@ def repeats(path, decimals, seed):
         GAMMA.size
     )
     table_file(path, {"gamma_deg": GAMMA, "beta": beta}, f"%.{decimals}f")
-    return fit(path, method="lsq", fix={"e_n": 0.9}).facts.get("duplicates")
+    return copies(path, fix={"e_n": 0.9})
 
 
 def test_copied_impacts_are_named_by_their_lines():
@@ -91,13 +98,13 @@ def _two_records(folder, seed, columns, *, again, noise=0.01, off=0.0):
     }
     a = table_file(folder / "a.csv", {"gamma_deg": gamma, "v_x": read[0][0], "v_n": read[0][1]}, "%.5f")
     b = table_file(folder / "b.csv", {"gamma_deg": gamma} | {name: of[name] for name in columns}, "%.5f")
-    return fit([a, b], method="lsq").facts.get("duplicates")
+    return [a, b]
 
 
 @pytest.mark.parametrize("name", ["beta_cm", "e_n", "mu_app"])
 def test_a_ratio_computed_of_a_velocity_is_that_velocity_again(tmp_path, name):
     """The two residuals differ by a factor that goes with the angle."""
-    fact = _two_records(tmp_path, 1, [name], again=True)
+    fact = fit(_two_records(tmp_path, 1, [name], again=True), method="lsq").facts["duplicates"]
     assert f"and {name} have the same errors at" in fact.says
 
 
@@ -106,7 +113,7 @@ def test_a_ratio_computed_of_a_velocity_is_that_velocity_again(tmp_path, name):
 def test_other_readings_at_the_same_angles_are_others(tmp_path, seeds, noise, off):
     """Where the law misses both by much, too."""
     for seed in range(seeds):
-        found = _two_records(tmp_path, seed, ["beta_cm", "e_n"], again=False, noise=noise, off=off)
+        found = copies(_two_records(tmp_path, seed, ["beta_cm", "e_n"], again=False, noise=noise, off=off))
         assert found is None, found.says
 
 
@@ -153,7 +160,7 @@ def test_series_at_the_same_angles_are_no_copies(tmp_path, decimals, names, seed
         table = {"gamma_deg": GAMMA, "series": np.resize(["A", "B", "C"], GAMMA.size)} | table
         known = {} if "e_n" in names else {"e_n": 0.9}
         path = table_file(tmp_path / "t.csv", table, f"%.{decimals}f")
-        alarms += "duplicates" in fit(path, method="lsq", fix=known).facts
+        alarms += copies(path, fix=known) is not None
     assert alarms <= at_most(seeds, 0.001)
 
 
@@ -190,7 +197,8 @@ def test_readings_near_their_mean_are_no_filled_gaps(tmp_path, decimals, seeds):
     alarms = 0
     for seed in range(seeds):
         path = table_file(tmp_path / "t.csv", _readings(seed, n=40), f"%.{decimals}f")
-        alarms += "repeated_number" in fit(path, method="lsq").facts
+        found = fit(path, method="lsq")
+        alarms += repeated_number(found.problem, found.least_squares) is not None
     assert alarms <= at_most(seeds, 0.001)
 
 
@@ -206,8 +214,7 @@ def test_spins_computed_from_the_velocities_count_once(tmp_path):
         fact = fit(table_file(tmp_path / "t.csv", computed, "%.6g"), method="lsq").facts["duplicates"]
         assert "v_x and spin_y_after have the same errors" in fact.says
         read = columns | {"spin_y_after": after.spin_y + 0.02 * rng.standard_normal(30)}
-        facts = fit(table_file(tmp_path / "r.csv", read, "%.6g"), method="lsq").facts
-        assert "duplicates" not in facts
+        assert copies(table_file(tmp_path / "r.csv", read, "%.6g")) is None
 
 
 def readings(spread, copied=0, n=4000, seed=0):
@@ -224,7 +231,7 @@ def readings(spread, copied=0, n=4000, seed=0):
 
 @pytest.mark.parametrize("spread", [0.3, 0.6, 0.9])
 def test_a_noise_that_differs_makes_no_copies(spread):
-    assert "duplicates" not in ifrfit.fit(readings(spread), method="lsq").facts
+    assert copies(readings(spread)) is None
 
 
 def test_copies_beside_a_noise_that_differs_are_found():
@@ -262,10 +269,7 @@ STEPS = [
 @pytest.mark.parametrize("seeds", [12, pytest.param(150, marks=pytest.mark.long)])
 def test_readings_in_steps_of_a_scale_are_no_copies(steps, noise, seeds):
     """Steps of 2, 2.5 or 5 of the last decimal: they agree more often than those of the decimal would."""
-    alarms = [
-        "duplicates" in fit(_in_steps(seed, steps, noise, series=6), method="lsq").facts
-        for seed in range(seeds)
-    ]
+    alarms = [copies(_in_steps(seed, steps, noise, series=6)) is not None for seed in range(seeds)]
     assert sum(alarms) <= at_most(seeds, 0.001)
 
 
