@@ -169,8 +169,9 @@ def test_an_interrupt_before_anything_is_found_says_so() -> None:
 
 
 def test_reports_that_were_drawn_are_written_with_an_index_of_them(cli) -> None:
+    content = cli(*FIT, "--method", "lsq", "--json").stdout
     for name in ("a", "b", "c"):
-        Path(f"{name}.json").write_text(cli(*FIT, "--method", "lsq", "--json").stdout, encoding="utf-8")
+        Path(f"{name}.json").write_text(content, encoding="utf-8")
     found, _ = interrupt("report", "a.json", "b.json", "c.json", "--out", "pages", module="report", after=1)
     assert (found.returncode, found.stdout) == (130, "")
     assert found.stderr == "ifrfit: interrupted. 1 of 3 reports are in pages.\n"
