@@ -240,17 +240,17 @@ def coverage(count, **choices):
 
 
 def test_intervals_hold_the_truth_with_common_errors_and_not_without():
-    """z of 60 tables. With: 0.95 give or take 4 sd, sqrt(0.95 0.05/60) each.
+    """z of 150 tables. With: 0.95 give or take 4 sd, sqrt(0.95 0.05/150) each.
 
     Without, the sd of e_t is 4.6 times too small here, and its interval holds the truth as often as a normal
     number lies within 1.96/4.6: 0.33.
     """
     data = table()
     factor = fitted(data).constants.e_t.stderr / fitted(plain(data)).constants.e_t.stderr
-    share = coverage(60)
-    assert (share[0] >= 0.95 - 4.0 * np.sqrt(0.95 * 0.05 / 60)).all()
+    share = coverage(150)
+    assert (share[0] >= 0.95 - 4.0 * np.sqrt(0.95 * 0.05 / 150)).all()
     expected = 2.0 * special.ndtr(1.96 / factor) - 1.0
-    assert share[1, 0] == pytest.approx(expected, abs=4.0 * np.sqrt(expected * (1.0 - expected) / 60))
+    assert share[1, 0] == pytest.approx(expected, abs=4.0 * np.sqrt(expected * (1.0 - expected) / 150))
 
 
 # ------------------------------------------------------------------------------------ properties

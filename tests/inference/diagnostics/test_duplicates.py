@@ -10,6 +10,7 @@ from slips_scenes import Cause, Scene, experiment
 
 import ifrfit
 from ifrfit.inference.diagnostics.copied_readings import duplicates, repeated_number
+from ifrfit.inference.diagnostics.one_velocity import one_velocity
 from ifrfit.inference.diagnostics.rounding_step import rounding_step
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.noise import resolution
@@ -21,7 +22,8 @@ GAMMA = np.repeat(np.linspace(10.0, 70.0, 7), 6)
 def copies(data, **options):
     """What is found of copies, whatever else is said: many tables need no other fact."""
     found = fit(data, method="lsq", **options)
-    return duplicates(found.problem, found.least_squares)
+    asked = found.problem, found.least_squares
+    return duplicates(*asked) or one_velocity(*asked)
 
 
 def repeats(path, decimals, seed):
