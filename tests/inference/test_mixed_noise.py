@@ -143,8 +143,7 @@ def test_other_errors_than_gaussian_ones_are_refused_beside_both(impacts):
     two = impacts(BETA, BETA_WITHOUT | {"series": "b"})
     with refused(DataError, match="or take --noise unknown"):
         ifrfit.fit(two, noise=ifrfit.Noise(tails="student-t"), fix={"e_n": 0.94})
-    noise = ifrfit.Noise("unknown", tails="student-t")
-    found = ifrfit.fit(two, noise=noise, fix={"e_n": 0.94}, method="lsq")
+    found = ifrfit.fit(two, noise=ifrfit.Noise("unknown", tails="student-t"), fix={"e_n": 0.94})
     assert found.noise.policy == "unknown"
 
 
