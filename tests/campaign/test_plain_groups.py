@@ -363,6 +363,21 @@ def test_an_impossible_reading_fails_its_own_group_alone(tmp_path):
     assert sum(not row[FAILURE] for row in rows) == 5
 
 
+def test_a_group_that_is_refused_sends_no_other_one_away(tmp_path):
+    """Those in one lot with it were fitted one by one, and had other last digits than without it."""
+    table = table_of(9, seed=2)
+    alone = {groups.key: row for groups, row in _with_rows(tmp_path, table)}
+    table.loc[table.index[table["run"] == "r4"][0], "e_n"] = -0.3
+    beside = {groups.key: row for groups, row in _with_rows(tmp_path, table)}
+    assert ("r4",) in alone
+    assert beside == {key: row for key, row in alone.items() if key != ("r4",)}
+
+
+def _with_rows(path, table):
+    files, groups = read(path, table)
+    return [(groups[place], row) for place, row in plain_rows(question(), files, groups).items()]
+
+
 def test_groups_without_noise(tmp_path):
     """chi2 was some 1e-9 below zero there, and its p-value not a number."""
     files, groups = read(tmp_path, table_of(20, sigma=0.0).assign(sigma_beta=0.02, sigma_e_n=0.02))

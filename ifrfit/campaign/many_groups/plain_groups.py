@@ -77,11 +77,16 @@ def plain_rows(question: GroupQuestion, files: GroupedFiles, groups: Sequence[Gr
     if law is None:
         return {}
     found: dict[int, Row] = {}
-    for alike in _of_one_file(groups):
+    pending = _of_one_file(groups)
+    while pending:
+        alike = pending.pop()
         try:
             found |= _rows(question, files, groups, alike, law)
         except IfrfitError:
-            continue  # each group says for itself what is wrong
+            # a group that is refused says for itself what is wrong; whether it stands beside others matters
+            # to none of them
+            if len(alike) > 1:
+                pending += [alike[: len(alike) // 2], alike[len(alike) // 2 :]]
     return found
 
 

@@ -118,7 +118,7 @@ class Processes:
         pool = self._started()
         try:
             return pool.submit(work, items)
-        except (BrokenProcessPool, OSError):  # the latter where it breaks while a further one starts
+        except (BrokenProcessPool, OSError, EOFError):  # the latter where it breaks while another starts
             raise self._died() from None
 
     def let_go(self) -> None:

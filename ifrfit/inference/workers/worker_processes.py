@@ -59,18 +59,23 @@ def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
     """
     added = registered_here(f"--workers {workers}")
     if module and import_once(module):
-        with suppress(OSError):  # what it is asked through has been removed
+        with suppress(OSError, EOFError):  # it was killed, or what it is asked through has been removed
             return _pool(workers, "forkserver", added, module)
     return _pool(workers, "spawn", added, module)
 
 
 def _pool(workers: int, how: str, added: list[tuple[str, str]], module: str) -> ProcessPoolExecutor:
+    others = active_children()
     pool = ProcessPoolExecutor(workers, get_context(how), initializer=_begin, initargs=(added, module))
-    # a process that were first started when work comes could start while another one dies, and Python 3.11's
-    # pool would print that it cannot count its processes meanwhile
-    with interrupts_deferred(), suppress(BrokenProcessPool):
-        for _ in range(workers):
-            pool.submit(int)
+    try:
+        # a process that were first started when work comes could start while another one dies, and Python
+        # 3.11's pool would print that it cannot count its processes meanwhile
+        with interrupts_deferred(), suppress(BrokenProcessPool):
+            for _ in range(workers):
+                pool.submit(int)
+    except (OSError, EOFError):
+        end_at_once(pool, others)
+        raise
     return pool
 
 
