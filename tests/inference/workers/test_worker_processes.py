@@ -201,6 +201,30 @@ crew.close()
     assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no process imports for others")
+def test_a_server_of_processes_that_is_killed_at_once(tmp_path: Path) -> None:
+    """It was an internal error where it died between the question for a process and its answer."""
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(1.0)\n")
+    script = """
+import os, signal, threading
+from multiprocessing import forkserver
+from ifrfit.inference.workers.crews import Processes
+crew = Processes(1, "slow")
+pid = forkserver._forkserver._forkserver_pid
+threading.Timer(0.3, os.kill, (pid, signal.SIGKILL)).start()
+print(crew.result(crew.submit(len, "abc")))
+crew.close()
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
+
+
 def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
     crew = Processes(1)
     try:
