@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -101,6 +103,45 @@ def test_an_impact_on_the_transition_sticks(tmp_path):
             assert_alike(row, fit_group(question(), files, groups[place]))
             seen += 1
     assert seen >= 3
+
+
+@pytest.mark.parametrize("away", [-2e-3, -1e-4, 1e-4, 2e-3])
+def test_an_impact_beside_the_transition_makes_no_second_optimum(tmp_path, away):
+    """Where the best kappa has an impact on one side of the transition, chi2 goes on smoothly to the other.
+
+    The least with that impact on the other side lies on the transition, and is as good to many digits.
+    """
+    own = table_of(1, "v_x", seed=3, sigma=0.05).drop(columns="run")
+    best = fit(own, method="lsq").constants
+    e_n, e_t, mu = (best[name].value for name in ("e_n", "e_t", "mu"))
+    kappa, sd = mu * (1.0 + e_n), best["mu"].stderr * (1.0 + e_n)
+    bound = get_closure("IFR").law(SOLID).bound(e_t)
+    # an impact without residual leaves the optimum where it is
+    gamma = math.degrees(math.atan((kappa + away * sd) / bound))
+    state = rebound(gamma, 0.0, 0.0, e_n=e_n, e_t=e_t, mu=mu, degrees=True)
+    beside = {"gamma_deg": gamma, "spin_y": 0.0, "e_n": e_n}
+    beside["v_x"] = float(np.ravel(OBSERVABLES["v_x"].value(state, np.asarray(mu)))[0])
+    row = own.iloc[[0]].assign(**beside)
+    files, groups = read(tmp_path, pd.concat([own, row]).assign(run="a"))
+    found = plain_rows(question(), files, groups)
+    assert found
+    assert_alike(found[0], fit_group(question(), files, groups[0]))
+
+
+def test_nearly_every_group_of_weak_data_is_fitted_together(tmp_path):
+    """Optima beside the transition, and others that are nearly as good, are nothing out of the ordinary."""
+    rng = np.random.default_rng(5)
+    groups, n = 500, 50
+    names, ranges = ("e_n", "e_t", "mu"), ((0.38, 0.45), (-0.95, -0.66), (0.16, 0.44))
+    truth = {name: np.repeat(rng.uniform(*ends, groups), n) for name, ends in zip(names, ranges, strict=True)}
+    gamma, spin_y = rng.uniform(20.0, 63.0, groups * n), 0.3 * rng.standard_normal(groups * n)
+    state = rebound(gamma, 0.0, spin_y, degrees=True, **truth)
+    columns = {"v_x": OBSERVABLES["v_x"].value(state, truth["mu"]), "e_n": truth["e_n"]}
+    table = pd.DataFrame({"run": np.repeat(np.arange(groups).astype(str), n), "gamma_deg": gamma})
+    table = table.assign(spin_y=spin_y, sigma_v_x=0.09, sigma_e_n=0.09)
+    for name, value in columns.items():
+        table[name] = value + 0.09 * rng.standard_normal(groups * n)
+    assert len(plain_rows(question(), *read(tmp_path, table))) >= groups - 2
 
 
 def test_inertia_and_ranges(tmp_path):

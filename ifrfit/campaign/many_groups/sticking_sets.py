@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.campaign.many_groups.of_groups import OfGroups
 from ifrfit.campaign.many_groups.values import Tangential
+from ifrfit.inference.optimize.branch_and_bound import MOST_NEAR
 from ifrfit.inference.optimize.piecewise import CHI2_95, NEAR
 from ifrfit.inference.optimize.transition_cells import N_BELOW, SIZE, quadratic_matrix
 from ifrfit.physics.impulse_laws import ROUNDING, Coefficients
@@ -25,9 +26,10 @@ Index = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
 _ILL = 1e-4  # of the same: below, as where all impacts slide at one angle, chi2 is a valley with a flat floor
-# of chi2 above the best within which another optimum counts: surely, and perhaps
-_RIVALS = ((1.0 - 1e-6) * CHI2_95, NEAR)
-_SAME, _ONE_PLACE = 1e-5, 1e-6  # of chi2 within which two optima are as good, and what is one of them
+_DIGITS = 1e-6  # relative, of what counts as a rival: what lies nearer to it counts perhaps
+_SAME = 1e-5  # of chi2 within which two optima are as good
+_ONE_PLACE = 1.1 * _SAME**0.5  # sd within which both are of one valley, whose parabola has that rise
+_NO_WIDTH = 1e-6  # what stands for that where the data leave the place open
 
 
 @dataclass(frozen=True)
@@ -154,9 +156,8 @@ class GroupOptima(OfGroups):
         seen = det > _SINGULAR * f3 * f5
         rise = least - chi2[:, None]
 
-        def distances(most: float) -> Array:
-            """Of kappa and the constant, (2, groups): how far the outermost sets lie with no larger rise."""
-            near = rise <= most
+        def distances(near: Bool) -> Array:
+            """Of kappa and the constant, (2, groups): how far the outermost of some sets lie from the best."""
             ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
             found = [
                 np.maximum(*(np.abs(each[groups, end] - at) for end in ends))
@@ -168,18 +169,42 @@ class GroupOptima(OfGroups):
 
         a, b, c = sets.coefficients[3:]
         slides = np.arange(least.shape[1]) < sets.count[:, None]
-        is_valley = (slides & (rise <= _RIVALS[1]) & (4.0 * a * c - b * b < _ILL * 4.0 * a * c)).any(axis=1)
-        every_sticks, same = sticking >= sets.count, distances(_SAME)
+        is_valley = (slides & (rise <= NEAR) & (4.0 * a * c - b * b < _ILL * 4.0 * a * c)).any(axis=1)
+        every_sticks, same = sticking >= sets.count, distances(rise <= _SAME)
+        variances = np.where(seen, [f3 / det, f5 / det], np.inf)
+        one_place = np.where(seen, _ONE_PLACE * np.sqrt(variances), _NO_WIDTH)
+        variances[1] = np.where(seen | ~every_sticks, variances[1], 1.0 / f3)
+        is_one = same < one_place
         return cls(
             chi2=chi2,
             kappa=kappa,
             constant=own,
             sliding=sets.count - sticking,
-            kappa_variance=np.where(seen, f3 / det, np.inf),
-            constant_variance=np.where(seen, f5 / det, np.where(every_sticks, 1.0 / f3, np.inf)),
+            kappa_variance=variances[0],
+            constant_variance=variances[1],
             beyond=np.maximum(domain[0] - free, free - domain[1]) * np.sqrt(f3),
-            rivals=np.stack([distances(most).T for most in _RIVALS], axis=1),
-            is_unique=~is_valley & (same[1] < _ONE_PLACE) & (every_sticks | (same[0] < _ONE_PLACE)),
+            rivals=np.stack([distances(near).T for near in _rivals(sets, rise, places)], axis=1),
+            is_unique=~is_valley & is_one[1] & (every_sticks | is_one[0]),
             least=least,
             places=places,
         )
+
+
+def _rivals(sets: StickingSets, rise: Array, places: Array) -> tuple[Bool, Bool]:
+    """Which sets describe the data nearly as well, (groups, most + 1) each: surely, and perhaps.
+
+    Those within a 95 % interval of the best, and local minima a little above it, as the search of one group
+    counts them: `ifrfit.inference.optimize.solved_cells.local_minima`.
+    """
+    low, high = sets.walls[:, :-1], sets.walls[:, 1:]
+    beside_low, beside_high = (np.abs(places - wall) <= _DIGITS * wall for wall in (low, high))
+    none = np.full((rise.shape[0], 1), np.inf)
+    below = np.concatenate((none, rise[:, :-1]), axis=1) < rise - _DIGITS
+    above = np.concatenate((rise[:, 1:], none), axis=1) < rise - _DIGITS
+    no_minimum = (beside_low & below) | (beside_high & above)
+    is_minimum = (places > low) & ~beside_low & ~beside_high
+    # of more sets the search of one group looks at no more than runs of them
+    is_counted = (sets.count < MOST_NEAR)[:, None]
+    surely = rise <= np.where(is_counted & is_minimum, NEAR, CHI2_95) * (1.0 - _DIGITS)
+    perhaps = rise <= np.where(is_counted & no_minimum, CHI2_95, NEAR) * (1.0 + _DIGITS)
+    return surely, perhaps

@@ -35,7 +35,7 @@ _MANY = 20_000  # rows beyond which the sums are taken about a point near the op
 _SAMPLE = 1000  # rows that find that point
 _FIRST, _FIRST_IN_BATCH = 8, 3  # cells of a problem that are solved to get a first value
 _CHUNK = 4096  # cells solved at once
-_MOST_NEAR = 512  # cells solved beyond need, to count local minima
+MOST_NEAR = 512  # cells solved beyond need, to count local minima
 _TIED = 1e-9  # relative; cells this near to the least value hold it as well
 
 
@@ -191,7 +191,7 @@ def branch(
     all_near_solved = False
     if count_minima:
         near = bounds <= best + NEAR
-        all_near_solved = int(near.sum()) <= _MOST_NEAR
+        all_near_solved = int(near.sum()) <= MOST_NEAR
         if all_near_solved:
             admitted = near
         else:
