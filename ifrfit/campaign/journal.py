@@ -143,8 +143,9 @@ class Journal:
         UsageError
             The disk is full, or gone.
         """
+        mark = self._mark
         entries = (
-            json.dumps({"of": self._mark, "key": key, "digest": digest, "row": row})
+            json.dumps({"of": mark, "key": key, "digest": digest, "row": row})
             for key, digest, row in zip(keys, digests, rows, strict=True)
         )
         try:

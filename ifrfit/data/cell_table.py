@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, overload
 
@@ -80,6 +81,7 @@ class UnreadableKindError(DataError):
 
 
 CellColumn = Sequence[str] | NDArray[np.float64]
+_path = lru_cache(Path)  # thousands of groups are rows of one file
 
 
 @dataclass
@@ -152,12 +154,12 @@ class Cells:
     @property
     def name(self) -> str:
         """The file without its folder, for notes that go into results."""
-        return self.file if self.in_memory else Path(self.file).name
+        return self.file if self.in_memory else _path(self.file).name
 
     @property
     def label(self) -> str:
         """What a series is called that the table does not name: the file without folder and ending."""
-        return self.file if self.in_memory else Path(self.file).stem
+        return self.file if self.in_memory else _path(self.file).stem
 
     def at(self, row: int | None = None, header: str | None = None) -> str:
         """Return where a message is about: file, line of a row (0-based; else of the header), column."""

@@ -179,17 +179,16 @@ class GroupedFiles:
             if keyed:
                 yield from refused
                 refused = []
-            whole = None if cells is None else _unpacked(cells)
             sha256, expected = before.get(path, ("", set()))
             if expected and (cells is None or cells.sha256 != sha256):
                 # what was read of its groups is not what was counted on
                 for key in expected | set(keyed):
                     group = waiting.get(key, Group(key, ()))
                     waiting[key] = replace(group, trouble=f"{path}: {_CHANGED}")
-            for key, rows in keyed.items():
-                assert whole is not None
-                group = waiting.get(key, Group(key, ()))
-                waiting[key] = replace(group, tables=(*group.tables, _rows_of(whole, rows)))
+            if cells is not None:
+                for key, table in zip(keyed, _parted(cells, list(keyed.values())), strict=True):
+                    group = waiting.get(key, Group(key, ()))
+                    waiting[key] = Group(key, (*group.tables, table), group.trouble)
             over = [key for key in waiting if last.get(key, number) <= number]
             for key in over:
                 formed.add(key)
@@ -300,20 +299,25 @@ class _ColumnMissingError(DataError):
 _CHANGED = "the file was changed while it was read. Run the command again."
 
 
-def _unpacked(cells: Cells) -> Cells:
-    """The same with cells that can be picked one by one: `TextColumn` would unpack them each time."""
-    columns = [c if isinstance(c, DataError | np.ndarray) else list(c) for c in cells.columns]
-    return replace(cells, columns=columns)
+def _parted(cells: Cells, parts: Sequence[NDArray[np.intp]]) -> Iterator[Cells]:
+    """Tables of some rows each, whose arrays are views of one that has them in order."""
+    if len(parts) == 1 and parts[0].size == len(cells):
+        yield cells
+        return
+    order = np.concatenate([*parts, np.zeros(0, dtype=np.intp)])
 
-
-def _rows_of(cells: Cells, rows: NDArray[np.intp]) -> Cells:
-    """Some rows of a table."""
-    if rows.size == len(cells):
-        return cells
-
-    def some(column: CellColumn | DataError) -> CellColumn | DataError:
+    def ordered(column: CellColumn | DataError) -> CellColumn | DataError:
         if isinstance(column, DataError):
             return column
-        return column[rows] if isinstance(column, np.ndarray) else [column[row] for row in rows.tolist()]
+        if isinstance(column, np.ndarray):
+            return np.asarray(column[order])
+        unpacked = list(column)  # `TextColumn` would unpack them for each
+        return [unpacked[row] for row in order.tolist()]
 
-    return replace(cells, lines=cells.lines[rows], columns=[some(column) for column in cells.columns])
+    lines, columns = cells.lines[order], [ordered(column) for column in cells.columns]
+    first = 0
+    for part in parts:
+        rows = slice(first, first + part.size)
+        own = [column if isinstance(column, DataError) else column[rows] for column in columns]
+        yield replace(cells, lines=lines[rows], columns=own)
+        first = rows.stop

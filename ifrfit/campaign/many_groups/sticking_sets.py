@@ -157,7 +157,7 @@ class GroupOptima(OfGroups):
         rise = least - chi2[:, None]
 
         def distances(near: Bool) -> Array:
-            """Of kappa and the constant, (2, groups): how far the outermost of some sets lie from the best."""
+            """Of kappa and the constant, (2, groups): how far the outermost of some sets lie."""
             ends = near.argmax(axis=1), near.shape[1] - 1 - near[:, ::-1].argmax(axis=1)
             found = [
                 np.maximum(*(np.abs(each[groups, end] - at) for end in ends))

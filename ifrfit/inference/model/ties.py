@@ -11,8 +11,8 @@ import itertools
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.text import joined, meant
+
+if TYPE_CHECKING:
+    from asteval import Interpreter
 
 Array = NDArray[np.float64]
 
@@ -215,14 +218,21 @@ def _word(place: int) -> str:
     return f"entry_{place}_"
 
 
-def _value(name: str, text: str, names: Sequence[str], theta: Array) -> Any:
+@lru_cache(maxsize=64)
+def _program(name: str, text: str, names: tuple[str, ...]) -> tuple[Interpreter, ast.AST, dict[str, int]]:
+    """What works out an expression, the expression for it, and the words that stand for entries of theta."""
     from asteval import Interpreter
 
     plain, used = _parsed(name, text, names)
-    table = {own: theta[:, names.index(own)] for own in used}
-    symbols = {own if "[" not in own else _word(names.index(own)): value for own, value in table.items()}
-    evaluate = Interpreter(symtable={**FUNCTIONS, **symbols}, minimal=True, use_numpy=False)
-    found = evaluate(plain.strip(), show_errors=False)
-    if evaluate.error:
-        return np.nan
-    return found
+    places = {own: names.index(own) for own in used}
+    words = {own if "[" not in own else _word(place): place for own, place in places.items()}
+    evaluate = Interpreter(symtable=dict(FUNCTIONS), minimal=True, use_numpy=False)
+    return evaluate, evaluate.parse(plain.strip()), words
+
+
+def _value(name: str, text: str, names: tuple[str, ...], theta: Array) -> Any:
+    evaluate, tree, words = _program(name, text, names)
+    evaluate.symtable.update({word: theta[:, place] for word, place in words.items()})
+    evaluate.error = []
+    found = evaluate.run(tree, with_raise=False)
+    return np.nan if evaluate.error or found is None else found
