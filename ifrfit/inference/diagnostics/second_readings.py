@@ -171,9 +171,11 @@ def _is_sorted(value: Array, at: Array, within: float) -> bool:
 def _nearest(at: tuple[Array, Array]) -> tuple[Index, Index]:
     """Places of impacts that are nearest to each other; those of one setting are paired in their order."""
     one, other = (np.column_stack((each, _PLACE * _place(each))) for each in at)
-    distance = np.zeros((len(one), len(other)))
+    distance, along = np.zeros((2, len(one), len(other)))
     for x, y in zip(one.T, other.T, strict=True):
-        distance = np.maximum(distance, np.abs(x[:, None] - y))
+        if np.ptp(np.concatenate((x, y))) > 0.0:
+            np.abs(np.subtract(x[:, None], y, out=along), out=along)
+            np.maximum(distance, along, out=distance)
     to_other, to_one = distance.argmin(axis=1), distance.argmin(axis=0)
     i = np.arange(len(one))
     i = i[(to_one[to_other] == i) & (distance[i, to_other] <= _FAR)]

@@ -18,6 +18,7 @@ from ifrfit._version import __version__
 from ifrfit.errors import UsageError
 from ifrfit.inference.option_fields import check_form
 from ifrfit.inference.workers.worker_processes import (
+    FITS,
     a_process_died,
     could_not_start,
     end_at_once,
@@ -94,7 +95,7 @@ class Processes:
     """
 
     size: int
-    module: str = ""
+    module: str = FITS
     _pool: ProcessPoolExecutor | None = None
     _first: Future[int] | None = None  # does nothing, and shows that a process lives
     _has_started: bool = False
@@ -102,7 +103,7 @@ class Processes:
     _others: Sequence[BaseProcess] = ()
 
     def __post_init__(self) -> None:
-        if self.module and not import_once(self.module):
+        if not import_once(self.module):
             self._started()
 
     def _started(self) -> ProcessPoolExecutor:
@@ -295,7 +296,7 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def crew_of(workers: int, scheduler: str | None, module: str = "") -> Iterator[Crew | None]:
+def crew_of(workers: int, scheduler: str | None, module: str = FITS) -> Iterator[Crew | None]:
     """Those who do the work; None is this process itself.
 
     Parameters

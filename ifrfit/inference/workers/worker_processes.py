@@ -21,13 +21,14 @@ from ifrfit.physics.observables import OBSERVABLES
 
 # a problem names its closure, observables and law of errors: each process looks them up
 _NEEDED = (CLOSURES, OBSERVABLES, ERROR_LAWS)
+FITS = "ifrfit.inference.fit"  # what every process needs, a second of imports
 
 
 @contextmanager
 def worker_processes(workers: int) -> Iterator[Executor]:
     """Start processes in which everything is registered that is registered here.
 
-    They are fresh ones whatever the platform's default, because forked ones inherit the threads of numerical
+    None is forked from this one, whatever the platform's default: it would inherit the threads of numerical
     libraries.
 
     Raises
@@ -48,7 +49,7 @@ def worker_processes(workers: int) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
-def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
+def start_processes(workers: int, module: str = FITS) -> ProcessPoolExecutor:
     """As `worker_processes`, for who looks after the death of a process himself.
 
     Parameters
@@ -58,7 +59,7 @@ def start_processes(workers: int, module: str = "") -> ProcessPoolExecutor:
         What each imports before there is work.
     """
     added = registered_here(f"--workers {workers}")
-    if module and import_once(module):
+    if import_once(module):
         with suppress(OSError, EOFError):  # it was killed, or what it is asked through has been removed
             return _pool(workers, "forkserver", added, module)
     return _pool(workers, "spawn", added, module)
@@ -181,8 +182,7 @@ def _made(owner: type) -> object:
 def _begin(added: list[tuple[str, str]], module: str) -> None:
     """What a process does first."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    if module:
-        import_module(module)
+    import_module(module)
     register(added)
 
 
