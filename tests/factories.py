@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -128,6 +129,23 @@ def at_most(n: int, p: float, tail: float = 1e-3) -> int:
 def rest_long(values: Iterable[Any], quick: int = 1) -> list[Any]:
     """Values of a parameter: the first `quick` of them in every run, the rest with ``-m long`` alone."""
     return [x if i < quick else pytest.param(x, marks=pytest.mark.long) for i, x in enumerate(values)]
+
+
+def each_once(*axes: Iterable[Any]) -> list[Any]:
+    """Combinations of the values of several parameters: in every run as few as show each value once.
+
+    The others run with ``-m long`` alone.
+    """
+    values = [list(axis) for axis in axes]
+    sizes = [len(axis) for axis in values]
+    quick = {tuple(i % size for size in sizes) for i in range(max(sizes))}
+    return [
+        pytest.param(
+            *(axis[i] for axis, i in zip(values, at, strict=True)),
+            marks=() if at in quick else pytest.mark.long,
+        )
+        for at in itertools.product(*map(range, sizes))
+    ]
 
 
 def exchanged(text: str, *exchanges: tuple[str, str]) -> str:

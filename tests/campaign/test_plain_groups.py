@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from factories import each_once
 
 from ifrfit import fit
 from ifrfit.campaign.group_fit import FAILURE, GroupQuestion, fit_group
@@ -72,8 +73,9 @@ def assert_alike(together, alone):
             assert together[key] == value, key
 
 
-@pytest.mark.parametrize("suffix", ["parquet", "csv"])
-@pytest.mark.parametrize("name", ["beta", "v_x", "spin_y_after", "beta_cm"])
+@pytest.mark.parametrize(
+    ("suffix", "name"), each_once(["parquet", "csv"], ["beta", "v_x", "spin_y_after", "beta_cm"])
+)
 def test_the_rows_of_the_general_code(tmp_path, name, suffix):
     files, groups = read(tmp_path, table_of(50, name, seed=len(name)), suffix)
     found = plain_rows(question(), files, groups)

@@ -9,6 +9,7 @@ import lmfit
 import numpy as np
 import pandas as pd
 import pytest
+from factories import each_once
 from json_schemas import validator
 from refusals import refused
 
@@ -243,8 +244,11 @@ def test_a_mu_that_only_the_tie_knows_is_not_held_back_by_the_default_prior():
     assert tied.mu.value > 2.0
 
 
-@pytest.mark.parametrize("method", ["lsq", "mcmc"])
-@pytest.mark.parametrize("tie", [{"e_t": "-e_n"}, {"e_n": "-e_t"}, {"e_n": "0.9 + 0.1*(1 + e_t)"}], ids=str)
+@pytest.mark.parametrize(
+    ("method", "tie"),
+    each_once(["lsq", "mcmc"], [{"e_t": "-e_n"}, {"e_n": "-e_t"}, {"e_n": "0.9 + 0.1*(1 + e_t)"}]),
+    ids=str,
+)
 def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
     """Beta tells e_t and kappa; the tie tells e_n then, and both tell mu."""
     beta = ONE[["gamma_deg", "beta", "sigma_beta"]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import each_once, rest_long
 
 from ifrfit.data.figures.calibration import (
     CalibrationError,
@@ -59,8 +59,7 @@ def test_without_rotation_an_oblique_click_tilts_nothing(degrees):
     np.testing.assert_allclose(found.values(turned(points, degrees)), [[45.0, 0.0]], atol=1e-10)
 
 
-@pytest.mark.parametrize("rotates", [True, False])
-@pytest.mark.parametrize("is_log", [(False, False), (True, False)])
+@pytest.mark.parametrize(("rotates", "is_log"), each_once([True, False], [(False, False), (True, False)]))
 @pytest.mark.parametrize("draws", rest_long((4000, 20_000)))
 def test_errors_are_those_of_drawn_clicks(rotates, is_log, draws):
     """First order against recalibrations with clicks off by 0.1 pixel: 4 sd of a sample's sd, and correlation."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bootstrap_scenes import fitted, scene
+from factories import each_once
 
 from ifrfit.inference.bootstrap.estimator import solver_of
 from ifrfit.inference.bootstrap.replicate_fits import NO_NOISE
@@ -33,8 +34,7 @@ def asked(name):
     return fitted(problem_of(plain.observations.table, closure, noise="scaled", fix={"e_n": 0.9}))
 
 
-@pytest.mark.parametrize("scheme", ["cases", "residual", "wild"])
-@pytest.mark.parametrize("name", QUESTIONS)
+@pytest.mark.parametrize(("name", "scheme"), each_once(QUESTIONS, ["cases", "residual", "wild"]))
 def test_every_replicate_has_the_optimum_that_it_has_alone(name: str, scheme: str) -> None:
     problem, found = asked(name)
     together, alone = solver_of(problem, found), SequentialSolver.of(problem, found)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long, table_file
+from factories import each_once, rest_long, table_file
 from hard_cases.case import command
 from scipy import stats
 
@@ -60,8 +60,7 @@ def failing(result):
     return [name for name, fact in result.facts.items() if not fact.ok and name != "global_optimum"]
 
 
-@pytest.mark.parametrize("names", OBSERVABLES)
-@pytest.mark.parametrize("sigma", [True, False])
+@pytest.mark.parametrize(("names", "sigma"), each_once(OBSERVABLES, [True, False]))
 @pytest.mark.parametrize("seeds", rest_long((6, 20)))
 def test_errors_of_angles_are_named_first(tmp_path, names, sigma, seeds):
     sizes = []

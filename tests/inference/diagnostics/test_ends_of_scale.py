@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most, table_file
+from factories import at_most, each_once, table_file
 
 from ifrfit import fit
 from ifrfit.physics import rebound
@@ -74,8 +74,7 @@ def _of_angles(seed):
     }
 
 
-@pytest.mark.parametrize("form", ["%.4f", "%.1f"])
-@pytest.mark.parametrize("scene", [_table, _scan, _of_angles])
+@pytest.mark.parametrize(("form", "scene"), each_once(["%.4f", "%.1f"], [_table, _scan, _of_angles]))
 @pytest.mark.parametrize("seeds", [5, pytest.param(150, marks=pytest.mark.long)])
 def test_set_speeds_repeated_angles_and_coarse_readings_have_no_end(tmp_path, scene, form, seeds):
     alarms = sum(_found(tmp_path / "t.csv", scene(seed), form) is not None for seed in range(seeds))

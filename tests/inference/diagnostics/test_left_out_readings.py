@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import each_once, rest_long
 
 from ifrfit import fit
 from ifrfit.inference.diagnostics.left_out_readings import impulse_factor
@@ -78,10 +78,8 @@ def test_a_slip_of_one_column_is_named(seed, spin, kind, moved, words):
     assert words in found.says
 
 
-@pytest.mark.parametrize("kind", SETS)
-@pytest.mark.parametrize("of", [0.4, 2 / 3])
-@pytest.mark.parametrize("noise", [0.005, 0.05])
-@pytest.mark.parametrize("n", [8, N])
+@pytest.mark.parametrize(("kind", "of"), each_once(SETS, [0.4, 2 / 3]))
+@pytest.mark.parametrize(("noise", "n"), each_once([0.005, 0.05], [8, N]))
 @pytest.mark.parametrize("seed", rest_long(range(10)))
 def test_columns_that_agree_are_not_named(seed, n, noise, of, kind):
     """Control, with spin before in every second table."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long, table_file
+from factories import each_once, rest_long, table_file
 
 from ifrfit import fit, rebound
 
@@ -106,8 +106,7 @@ def some_turned(spin):
     return np.where(np.arange(spin.size) % 3 == 0, -spin, spin)
 
 
-@pytest.mark.parametrize("names", [("v_x", "v_n", "spin_y_after"), ("beta",)])
-@pytest.mark.parametrize("series", [1, 2])
+@pytest.mark.parametrize(("names", "series"), each_once([("v_x", "v_n", "spin_y_after"), ("beta",)], [2, 1]))
 @pytest.mark.parametrize(("noise", "sigma"), [(0.01, None), (0.01, 0.01), (0.05, None), (0.05, 0.05)])
 @pytest.mark.parametrize("seed", rest_long(range(4)))
 def test_spins_before_without_their_sign_are_named(tmp_path, seed, noise, sigma, series, names):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long, table_file
+from factories import each_once, rest_long, table_file
 
 from ifrfit import fit, rebound
 
@@ -59,8 +59,7 @@ def descending(x, _):
 
 
 @pytest.mark.parametrize("names", list(SETS.values()), ids=list(SETS))
-@pytest.mark.parametrize("move", [ascending, descending])
-@pytest.mark.parametrize("errors", NOISES)
+@pytest.mark.parametrize(("move", "errors"), each_once([ascending, descending], NOISES))
 @pytest.mark.parametrize("seed", rest_long(range(4)))
 def test_a_column_that_was_sorted_is_named(tmp_path, seed, errors, move, names):
     """Down the lines, whatever the order of the angles."""
@@ -88,8 +87,7 @@ def test_shifted_angles_are_named(tmp_path, seed):
 
 
 @pytest.mark.parametrize("names", list(SETS.values()), ids=list(SETS))
-@pytest.mark.parametrize("series", [1, 2])
-@pytest.mark.parametrize("errors", NOISES)
+@pytest.mark.parametrize(("series", "errors"), each_once([1, 2], NOISES))
 @pytest.mark.parametrize("seed", rest_long(range(4)))
 def test_a_column_that_was_shuffled_is_said(tmp_path, seed, errors, series, names):
     result = fitted(tmp_path, seed, names, shuffled, errors=errors, series=series)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import rest_long, table_file
+from factories import each_once, rest_long, table_file
 
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.fit import fit
@@ -113,8 +113,7 @@ def test_a_turned_camera_is_named_beside_drop_tests(tmp_path, seed, turn, names)
     assert "camera-turn" in called[: 1 if names[0] == "v_x" else 2] or by_chance, slips.says
 
 
-@pytest.mark.parametrize("names", [("v_x",), ("beta_cm",)])
-@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize(("names", "turn"), each_once([("v_x",), ("beta_cm",)], [1.0, -1.0]))
 @pytest.mark.parametrize("noise", rest_long((0.003, 0.006)))
 @pytest.mark.parametrize("seed", rest_long(range(8), 6))
 def test_a_turned_camera_stands_before_spin_where_e_n_is_fixed(tmp_path, seed, noise, turn, names):

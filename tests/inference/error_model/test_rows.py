@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import each_once
 from scipy import integrate, stats
 
 from ifrfit.data.observations import Observations, make_table
@@ -106,8 +107,7 @@ def angles_integrated_out(problem, error_model, observable, sigma):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("observable", ["beta", "v_x", "spin_y_after", "mu_app"])
+@pytest.mark.parametrize(("law", "observable"), each_once(LAWS, ["beta", "v_x", "spin_y_after", "mu_app"]))
 def test_true_angles_are_integrated_out(law, observable):
     problem = problem_of(observable, LAWS[law])
     found = Density(problem).impacts(theta_of(problem))[0]

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from factories import each_once
 from posterior_questions import Question, measured
 
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
@@ -49,8 +50,7 @@ def points(name: str) -> tuple[Problem, EvidenceByDraws, float]:
     return problem, evidence_by_draws(problem, optimum), integrate(problem, 1e-3, optimum).log_evidence
 
 
-@pytest.mark.parametrize("row", [0, ODD, 9])
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(("row", "name"), each_once([0, ODD, 9], PROBLEMS))
 def test_a_row_is_predicted_as_quadrature_of_the_rest_says(name: str, row: int) -> None:
     problem, fewer, whole = points(name)
     kept = np.delete(np.arange(len(problem.rows)), row)

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from factories import rest_long
+from factories import each_once, rest_long
 from posterior_questions import Question, Row, measured
 
 import ifrfit
@@ -173,9 +173,11 @@ def test_a_value_of_the_grid_takes_few_bytes(name: str) -> None:
     assert peak < limit * size
 
 
-@pytest.mark.parametrize("closure", ["fr", "f", "ifr", "maw"])
-@pytest.mark.parametrize("observable", ["beta_cm", "delta_deg"])
-@pytest.mark.parametrize("prior", [{}, {"mu": (0.5, 0.1)}])
+@pytest.mark.parametrize(
+    ("closure", "observable", "prior"),
+    # one on each side of the largest of these
+    each_once(["fr", "f", "ifr", "maw"], ["delta_deg", "beta_cm"], [{}, {"mu": (0.5, 0.1)}]),
+)
 def test_slabs_of_e_n_are_the_whole(monkeypatch: pytest.MonkeyPatch, closure, observable, prior) -> None:
     gamma = [20.0, 35.0, 50.0, 65.0, 80.0]
     rows = measured(observable, gamma, seed=2, sigma=0.05, c=-0.66, mu=0.5, e_n=0.6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from factories import each_once
 from scipy import stats
 from streams import folder_of, impacts
 
@@ -55,8 +56,9 @@ def test_counts_and_places_are_those_of_all_rows_however_they_are_parted(few):
     assert whole.different == pytest.approx(len(truth), rel=4.0 / np.sqrt(498))
 
 
-@pytest.mark.parametrize("noise", ["known", "unknown"])
-@pytest.mark.parametrize("copied", ["each twice more", "a run", "a file"])
+@pytest.mark.parametrize(
+    ("noise", "copied"), each_once(["known", "unknown"], ["each twice more", "a run", "a file"])
+)
 def test_copies_are_told_and_are_no_departure(tmp_path, few, copied, noise):
     table = impacts(2000, 1, spin=0.0, columns=("beta",), sigma=0.02).assign(sigma_beta=0.02)
     rng = np.random.default_rng(2)

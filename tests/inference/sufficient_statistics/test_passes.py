@@ -51,7 +51,7 @@ def test_portions_hold_every_row_once(tmp_path):
     assert sum(piece.rows for portion in found for piece in portion) == 5000
 
 
-@pytest.mark.parametrize(("series", "workers"), [(1, 2), (1, 7), (3, 2)])
+@pytest.mark.parametrize(("series", "workers"), [(1, 7), (3, 2), pytest.param(1, 2, marks=pytest.mark.long)])
 def test_workers_change_no_bit(tmp_path, series, workers):
     folder = folder_of(tmp_path / "all", impacts(4000, series=series), 3, "parquet")
     alone = record_of(ifrfit.fit(folder, method="exact"))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from factories import each_once
 from matplotlib.text import Text
 from streams import folder_of, impacts
 
@@ -63,8 +64,7 @@ def assert_same_angle(ours, theirs, rtol):
         np.testing.assert_allclose(ours.interval95, theirs.interval95, rtol=rtol)
 
 
-@pytest.mark.parametrize("noise", ["known", "unknown"])
-@pytest.mark.parametrize("method", ["lsq", "exact"])
+@pytest.mark.parametrize(("noise", "method"), each_once(["known", "unknown"], ["lsq", "exact"]))
 def test_the_same_as_in_memory(tmp_path, method, noise):
     streamed, held = both(tmp_path, impacts(2500), method=method, noise=noise)
     assert_same(streamed, held)
