@@ -421,6 +421,18 @@ def _with_rows(path, table):
     return [(groups[place], row) for place, row in plain_rows(question(), files, groups).items()]
 
 
+@pytest.mark.parametrize("sigma", [3e-6, 1e-7, 3e-9])
+def test_sums_that_lose_digits_are_left_to_the_general_code(tmp_path, sigma):
+    """Intervals of mu were up to seven times too narrow, and correlations hundreds."""
+    table = table_of(6, "beta_cm", seed=4, sigma=sigma, spin=0.0)
+    files, groups = read(tmp_path, table)
+    rows = fit_groups(question(), files, groups)
+    for group, row in zip(groups, rows, strict=True):
+        assert_alike(row, fit_group(question(), files, group))
+        assert all(abs(x) <= 1.0 for key, x in row.items() if key.startswith("correlation"))
+    assert sigma > 1e-6 or not plain_rows(question(), files, groups)
+
+
 def test_groups_without_noise(tmp_path):
     """chi2 was some 1e-9 below zero there, and its p-value not a number."""
     files, groups = read(tmp_path, table_of(20, sigma=0.0).assign(sigma_beta=0.02, sigma_e_n=0.02))

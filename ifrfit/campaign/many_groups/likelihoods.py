@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 _PROFILED = (OWN, MU, KAPPA)
+_LOST = 1e-4  # of chi2, that rounding may take from sums of squares: some 1e-5 sd of what is found
 _OUTSIDE = 4.0  # sd by which e_n or the closure constant, were they free, may lie outside their domains
 
 
@@ -89,6 +90,7 @@ class PlainLikelihoods(OfGroups):
             found = (optima.kappa > 0.0) & optima.is_unique & np.isfinite(self.e_n.sd)
             found &= (self.e_n.outside < _OUTSIDE) & (optima.beyond < _OUTSIDE)
             found &= curvature.is_local[:, E_N] & (self.chi2 < NO_DIGITS)
+            found &= np.finfo(float).eps * self.sets.coefficients[0].max(axis=1) < _LOST
         return np.asarray(found)
 
     @property

@@ -222,7 +222,8 @@ def _correlation(
 ) -> Array:
     """Correlations of e_n, the closure constant and mu = kappa/(1 + e_n), (groups, 3, 3)."""
     nodes = grid.nodes.reshape(kappa.mean.size, -1)
-    with_kappa = total(own.node_means * (nodes - kappa.mean[:, None]))
+    centred = own.node_means - own.mean[:, None] * own.node_masses
+    with_kappa = total(centred * (nodes - kappa.mean[:, None]))
     inverse = restitution.mass / (1.0 + restitution.nodes)
     with_e_n = kappa.mean * (inverse * (restitution.nodes - restitution.mean[:, None])).sum(axis=1)
     found = np.tile(np.eye(3), (kappa.mean.size, 1, 1))

@@ -370,12 +370,20 @@ class KappaIntegral:
         cut = None if self.cut is None else (self.cut[0][at], self.cut[1][at])
         return self.middle[at], self.width[at], self.height[:, at], cut
 
+    @cached_property
+    def centres(self) -> dict[str, float]:
+        """Means of kappa and of c, by the rules."""
+        return {"kappa": float(self.share[0] @ self.kappa), "c": float(self.c_mean[1][0])}
+
     def mean_product(self, one: str, other: str, factor: Array | float = 1.0) -> float:
         """Mean of a product of two of "one", "kappa" and "c", by the rules; not of c with itself.
 
-        And of a factor that is given at the nodes.
+        And of a factor that is given at the nodes. kappa and c are taken about their centres: products of
+        what is known to eight digits lose all that two of them say of one another.
         """
-        of_c = (self.c_mean[0][0] if "c" in (one, other) else self.share[0]) * factor
+        share, centres = self.share[0], self.centres
+        each = (self.c_mean[0][0] - centres["c"] * share if "c" in (one, other) else share) * factor
+        about = self.kappa - centres["kappa"]
         if one == other == "kappa":
-            return float(of_c @ (self.kappa * self.kappa))
-        return float(of_c @ self.kappa) if "kappa" in (one, other) else float(of_c.sum())
+            return float(each @ (about * about))
+        return float(each @ about) if "kappa" in (one, other) else float(each.sum())

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]  # of a level: mean and standard deviation
 Cdf = Callable[[Array, int], Array]  # of thresholds (n,) and a number of levels: probabilities, (levels, n)
 
+Factors = tuple[tuple[int, "Array | Quantity"], ...]
 OUTER = -1  # in the place of a series: values at the outer nodes
 _TINY = 1e-300
 _THRESHOLDS = 256  # of a distribution function at once
@@ -78,7 +80,7 @@ class Marginal:
     high: float
     moments: Moments
     cdf: Cdf
-    factors: tuple[tuple[int, Array | Quantity], ...] = ()
+    factors: Factors = ()
     kinks: Callable[[Array], tuple[QuadratureAxis, Array]] | None = None
     errors: Callable[[Array, Array], list[PanelErrors]] | None = None
 
@@ -211,17 +213,42 @@ def scaled_marginal(of: Marginal, factor: float, offset: float, name: str) -> Ma
 def covariance(density: JointDensity, marginals: Sequence[Marginal]) -> Array:
     """Posterior covariance, by the law of total covariance over the outer nodes."""
     share = density.share[0]
-    means = [float((share * _mean_product(density, q.factors)).sum()) for q in marginals]
-    found = np.zeros((len(marginals), len(marginals)))
-    for i, first in enumerate(marginals):
-        for j, second in enumerate(marginals[:i]):
-            product = _mean_product(density, (*first.factors, *second.factors))
-            found[i, j] = found[j, i] = float((share * product).sum()) - means[i] * means[j]
-        found[i, i] = first.moments(0)[1] ** 2
+    means = [_mean_product(density, q.factors) for q in marginals]
+    away = [mean - float((share * mean).sum()) for mean in means]
+    found = np.diag([q.moments(0)[1] ** 2 for q in marginals])
+    for i, j in combinations(range(len(marginals)), 2):
+        within = _covariance_within(density, marginals[i].factors, marginals[j].factors)
+        found[i, j] = found[j, i] = float((share * (away[i] * away[j] + within)).sum())
     return found
 
 
-def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array | Quantity], ...]) -> Array:
+def _covariance_within(density: JointDensity, first: Factors, second: Factors) -> Array | float:
+    """Covariance of two products at each outer node, (m,); series are independent there."""
+    common = {number for number, _ in first} & {number for number, _ in second} - {OUTER}
+    if not common:
+        return 0.0
+    pairs = [[of for of in each if of[0] in common] for each in (first, second)]
+    if len(common) > 1 or any(len(pair) > 1 for pair in pairs):
+        product = _mean_product(density, (*first, *second))
+        return product - _mean_product(density, first) * _mean_product(density, second)
+    (number,) = common
+    rest = [_mean_product(density, tuple(of for of in each if of[0] != number)) for each in (first, second)]
+    grid, share = density.grids[number], density.share[0]
+    about = []
+    for ((_, of),) in pairs:
+        assert not isinstance(of, np.ndarray)
+        about.append(_about(of, float((share * grid.expectation(of)[0]).sum())))
+    one, other = about
+    # about places near their means: products of what is known to eight digits would lose all that they say
+    within = grid.expectation(one, other)[0] - grid.expectation(one)[0] * grid.expectation(other)[0]
+    return np.asarray(rest[0] * rest[1] * within)
+
+
+def _about(of: Quantity, place: float) -> Quantity:
+    return lambda nodes: of(nodes) - place
+
+
+def _mean_product(density: JointDensity, factors: Factors) -> Array:
     """Mean of a product at each outer node, (m,); series are independent there."""
     by_series: dict[int, list[Quantity]] = {}
     found: Array = np.ones(1)

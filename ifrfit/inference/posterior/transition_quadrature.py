@@ -10,6 +10,7 @@ tau, and one over e_n. Section 11 of ``docs/theory/posterior.md``.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -82,7 +83,10 @@ class Integrals:
         return coarse if self.bound is None else max(coarse, self.bound.change_by_order)
 
     def mean_product(self, of_e_n: Array, one: str, other: str) -> float:
-        """Mean of what is given at the nodes of e_n times two of "one", "kappa" and "c", by the rules."""
+        """Mean of what is given at the nodes of e_n times two of "one", "kappa" and "c", by the rules.
+
+        The latter about their centres.
+        """
         if self.bound is None:
             return self.kappa.mean_product(one, other) * self.e_n.mean(of_e_n)
         return self.kappa.mean_product(one, other, self.bound.given_kappa(of_e_n))
@@ -152,22 +156,32 @@ class TransitionPosterior(PosteriorByMarginals):
     def covariance(self, names: Sequence[str]) -> Array:
         """Posterior covariance of free entries of theta and kappa, (n, n)."""
         own = [self._parts(name) for name in names]
-        found = np.empty((len(own), len(own)))
-        for i, (power, factor, first) in enumerate(own):
-            for j, (other, second, last) in enumerate(own[: i + 1]):
-                product = self._integrals.mean_product(power * other, factor, second)
-                found[i, j] = found[j, i] = product - first * last
-            found[i, i] = self.sd(names[i]) ** 2
+        found = np.diag([self.sd(name) ** 2 for name in names])
+        for i, j in itertools.combinations(range(len(own)), 2):
+            found[i, j] = found[j, i] = self._covariance(own[i], own[j])
         return found
 
-    def _parts(self, name: str) -> tuple[Array, str, float]:
-        """A quantity as a factor at the nodes of e_n times one of kappa's integral; and its mean."""
+    def _parts(self, name: str) -> tuple[Array, str]:
+        """A quantity as a factor at the nodes of e_n times one of kappa's integral."""
         e_n = self._integrals.e_n.nodes
         if name == "e_n":
-            return e_n, "one", self.mean(name)
+            return e_n, "one"
         if name == "mu":
-            return 1.0 / (1.0 + e_n), "kappa", self.mean(name)
-        return np.ones_like(e_n), "kappa" if split_name(name)[0] == "kappa" else "c", self.mean(name)
+            return 1.0 / (1.0 + e_n), "kappa"
+        return np.ones_like(e_n), "kappa" if split_name(name)[0] == "kappa" else "c"
+
+    def _covariance(self, *pair: tuple[Array, str]) -> float:
+        """Of two quantities p x, with p at the nodes of e_n: each as p (x - x0) + x0 (p - p0), which is small."""
+        terms = [self._about_centre(*each) for each in pair]
+        mean = self._integrals.mean_product
+        means = [sum(mean(p, x, "one") for p, x in each) for each in terms]
+        product = sum(mean(p * q, x, y) for (p, x), (q, y) in itertools.product(*terms))
+        return product - means[0] * means[1]
+
+    def _about_centre(self, p: Array, x: str) -> list[tuple[Array, str]]:
+        centre = self._integrals.kappa.centres.get(x, 1.0)
+        around = [(centre * (p - self._integrals.e_n.mean(p)), "one")]
+        return around if x == "one" else [(p, x), *around]
 
     def _transition(self, series: str, p: Array) -> Array:
         """Quantiles of the tau at which sticking ends, the same in each series."""

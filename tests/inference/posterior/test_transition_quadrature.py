@@ -15,6 +15,7 @@ from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, integrate
 from ifrfit.inference.posterior.transition_quadrature import TransitionPosterior, transition_posterior
+from ifrfit.inference.summary.estimates import correlation_of
 from ifrfit.physics.closures import get_closure
 
 SEEDS = range(24)
@@ -94,3 +95,24 @@ def test_what_is_not_plain_is_left_to_the_general_integral(options):
 def test_a_common_factor_of_the_noise_is_left_to_the_general_integral():
     problem = question(3, "scaled")
     assert transition_posterior(problem, 1e-4, least_squares(problem)) is None
+
+
+@pytest.mark.parametrize("general", [False, True])
+@pytest.mark.parametrize("sigma", [1e-7, 1e-8])
+def test_correlations_keep_their_digits_however_small_the_noise(sigma, general):
+    """They were 23 at 1e-8: the mean of a product less the product of the means."""
+    found = []
+    for size in (1e-4, sigma):
+        rng = np.random.default_rng(7)
+        gamma = rng.uniform(3.0, 87.0, 30)
+        state = ifrfit.rebound(gamma, e_n=0.7, e_t=-0.7, mu=0.2, degrees=True)
+        beta_cm, e_n = state.beta_cm + size * rng.normal(size=30), 0.7 + size * rng.normal(size=30)
+        result = ifrfit.fit(gamma_deg=gamma, beta_cm=beta_cm, sigma_beta_cm=size, e_n=e_n, sigma_e_n=size)
+        posterior = integrate(*question_of(result)) if general else result.distribution
+        found.append(correlation_of(posterior, ("e_n", "e_t", "mu")))
+    np.testing.assert_allclose(found[1], found[0], atol=2e-3)
+
+
+def question_of(result):
+    problem, optimum = result.problem_and_optimum()
+    return problem, 1e-4, optimum

@@ -179,7 +179,6 @@ crew.close()
 
 def test_an_interrupt_while_they_import_is_left_to_who_started_them(tmp_path: Path) -> None:
     """Python's tracker of resources lets interrupts in again where it starts."""
-    (tmp_path / "slow.py").write_text("import time\ntime.sleep(1.0)\n")
     script = """
 import os, signal, time
 from ifrfit.inference.workers.crews import Processes
@@ -190,21 +189,26 @@ os.killpg(0, signal.SIGINT)  # as a terminal does: to all of them
 print(crew.result(crew.submit(len, "abc")))
 crew.close()
 """
+    assert beside_a_slow_module(tmp_path, script) == (0, "3\n", "")
+
+
+def beside_a_slow_module(folder: Path, script: str) -> tuple[int, str, str]:
+    """Status, output and errors of a script that can import `slow`, in a session of its own."""
+    (folder / "slow.py").write_text("import time\ntime.sleep(1.0)\n")
     found = subprocess.run(
         [sys.executable, "-c", script],
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
+        env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
         timeout=60,
         start_new_session=True,
     )
-    assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
+    return found.returncode, found.stdout, found.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no process imports for others")
 def test_a_server_of_processes_that_is_killed_at_once(tmp_path: Path) -> None:
     """It was an internal error where it died between the question for a process and its answer."""
-    (tmp_path / "slow.py").write_text("import time\ntime.sleep(1.0)\n")
     script = """
 import os, signal, threading
 from multiprocessing import forkserver
@@ -215,14 +219,7 @@ threading.Timer(0.3, os.kill, (pid, signal.SIGKILL)).start()
 print(crew.result(crew.submit(len, "abc")))
 crew.close()
 """
-    found = subprocess.run(
-        [sys.executable, "-c", script],
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert (found.returncode, found.stdout, found.stderr) == (0, "3\n", "")
+    assert beside_a_slow_module(tmp_path, script) == (0, "3\n", "")
 
 
 def test_work_that_comes_when_processes_were_let_go_starts_others() -> None:
