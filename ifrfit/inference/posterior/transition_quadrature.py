@@ -171,7 +171,7 @@ class TransitionPosterior(PosteriorByMarginals):
         return np.ones_like(e_n), "kappa" if split_name(name)[0] == "kappa" else "c"
 
     def _covariance(self, *pair: tuple[Array, str]) -> float:
-        """Of two quantities p x, with p at the nodes of e_n: each as p (x - x0) + x0 (p - p0), which is small."""
+        """Of two quantities p x, with p at the nodes of e_n: each is p (x - x0) + x0 (p - p0), and small."""
         terms = [self._about_centre(*each) for each in pair]
         mean = self._integrals.mean_product
         means = [sum(mean(p, x, "one") for p, x in each) for each in terms]
