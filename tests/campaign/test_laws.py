@@ -7,14 +7,9 @@ import pytest
 from scipy import stats
 from scipy.optimize import brentq
 
-from ifrfit.campaign.many_groups.laws import (
-    NODES,
-    WEIGHTS,
-    ConstantLaw,
-    FrictionLaw,
-    KappaLaw,
-    RestitutionLaw,
-)
+from ifrfit.campaign.many_groups.friction_law import FrictionOverKappa, FrictionOverRestitution
+from ifrfit.campaign.many_groups.laws import ConstantLaw, RestitutionLaw
+from ifrfit.campaign.many_groups.panel_law import NODES, WEIGHTS, PanelLaw, panel_nodes
 from ifrfit.inference.distributions.protocol import LEVELS
 
 EXACT = 1e-6
@@ -33,13 +28,13 @@ def kappa_law(rng, groups, *, plateau=0.0, panels=60):
     height = share / (3.2 - place[:, None, None]) * stats.norm.cdf(z)
     density = (1.0 - share) * stats.norm.pdf(z) / sd[:, None, None] + height
     mass = (
-        KappaLaw.made(edges, nodes, density).upto[:, -1] + (density[:, -1] * half[:, -1]).mean(axis=1) * 2.0
+        PanelLaw.made(edges, nodes, density).upto[:, -1] + (density[:, -1] * half[:, -1]).mean(axis=1) * 2.0
     )
-    return KappaLaw.made(edges, nodes, density / mass[:, None, None])
+    return PanelLaw.made(edges, nodes, density / mass[:, None, None])
 
 
-def restitution_law(rng, groups):
-    return RestitutionLaw.made(rng.uniform(0.5, 1.0, groups), np.full(groups, 2e-3), (0.0, 1.0), 40)
+def restitution_law(rng, groups, sd=2e-3):
+    return RestitutionLaw.made(rng.uniform(0.5, 1.0 - 6.0 * sd, groups), np.full(groups, sd), (0.0, 1.0), 40)
 
 
 def constant_law(rng, groups, nodes=120):
@@ -60,8 +55,10 @@ def test_each_quantile_is_found(kind, seed):
     law = {
         "peak": lambda: kappa_law(rng, groups),
         "plateau": lambda: kappa_law(rng, groups, plateau=1.0),
-        "friction": lambda: FrictionLaw.made(kappa_law(rng, groups), restitution_law(rng, groups)),
-        "friction of a plateau": lambda: FrictionLaw.made(
+        "friction": lambda: FrictionOverRestitution.made(
+            kappa_law(rng, groups), restitution_law(rng, groups)
+        ),
+        "friction of a plateau": lambda: FrictionOverRestitution.made(
             kappa_law(rng, groups, plateau=1.0), restitution_law(rng, groups)
         ),
         "e_n": lambda: restitution_law(rng, groups),
@@ -86,6 +83,57 @@ def test_e_n_that_lies_beyond_its_bound(beyond):
     share = np.cumsum(density)
     expected = np.interp(LEVELS, share / share[-1], x)
     np.testing.assert_allclose(law.quantiles(np.array(LEVELS))[0], expected, atol=2e-5 * law.sd[0])
+
+
+def corners(rng, groups, panels=40):
+    """Densities that fall on either side of a corner, in one as steeply as in the other or not, and edges."""
+    place = rng.uniform(0.3, 1.0, (groups, 1))
+    length = place * np.exp(rng.uniform(np.log(2e-4), np.log(3e-3), (2, groups, 1)))
+    steps = np.linspace(0.0, 1.0, panels // 2 + 1)
+    edges = np.concatenate(
+        (place - 20.0 * length[0] * steps[::-1], place + 20.0 * length[1] * steps[1:]), axis=1
+    )
+    nodes = panel_nodes(edges)
+    away = nodes - place[:, None]
+    density = np.exp(np.where(away < 0.0, away / length[0][:, None], -away / length[1][:, None]))
+    return place, length, edges, nodes, density / length.sum(axis=0)[:, None]
+
+
+def test_friction_where_kappa_has_a_corner():
+    rng = np.random.default_rng(12)
+    groups, sd = 60, 5e-3
+    place, (below, above), edges, nodes, density = corners(rng, groups)
+    kappa, e_n = PanelLaw.made(edges, nodes, density), restitution_law(rng, groups, sd)
+    weights = density * WEIGHTS * 0.5 * np.diff(edges, axis=1)[:, :, None]
+    law = FrictionOverKappa.made(kappa, e_n, weights)
+    found = law.quantiles(np.array(LEVELS))
+    # the distribution function of kappa in closed form, over very many e_n
+    z = np.linspace(-8.0, 8.0, 200_001)
+    for group in range(groups):
+        scale = 1.0 + e_n.middle[group] + sd * z
+        mass = np.where((scale > 1.0) & (scale < 2.0), np.exp(-0.5 * z * z) / scale, 0.0)
+        for level, x in zip(LEVELS, found[group], strict=True):
+            away = x * scale - place[group]
+            low, high = (
+                np.exp(np.minimum(each, 0.0)) for each in (away / below[group], -away / above[group])
+            )
+            share = np.where(away < 0.0, below[group] * low, below[group] + above[group] * (1.0 - high))
+            share = (mass * share).sum() / mass.sum() / (below[group] + above[group])
+            _, slope = law.below(np.full((groups, 1), x))
+            assert share[0] == pytest.approx(level, abs=1e-5 * slope[group, 0] * law.sd[group])
+
+
+def test_a_constant_whose_law_lies_far_below_its_bound():
+    """What is left of an upper tail has digits: the sd was 1e-4 of itself off at eleven widths."""
+    beyond, width = np.array([-1.0, 2.0, 7.0, 11.0, 30.0]), 0.01
+    middle = (DOMAIN[0] - beyond * width)[:, None, None]
+    z = stats.truncnorm(beyond, np.inf, middle[:, 0, 0], width)
+    height = 1.0 / stats.norm.sf(beyond)[:, None, None]
+    law = ConstantLaw.made(middle, np.full_like(middle, width), height, DOMAIN)
+    np.testing.assert_allclose(law.mean - DOMAIN[0], z.mean() - DOMAIN[0], rtol=1e-9)
+    np.testing.assert_allclose(law.sd, z.std(), rtol=1e-7)
+    expected = z.ppf(np.array(LEVELS)[:, None]).T
+    np.testing.assert_allclose(law.quantiles(np.array(LEVELS)), expected, atol=1e-6 * law.sd.min())
 
 
 def test_fewer_nodes_stand_for_the_same_law():
@@ -113,11 +161,11 @@ def test_fewer_nodes_stand_for_the_same_law():
 
 def test_a_constant_against_the_root_of_its_mixture():
     law = constant_law(np.random.default_rng(5), 5)
-    found = law.quantiles(np.array(LEVELS))
+    found, widths, heights = law.quantiles(np.array(LEVELS)), np.abs(law.width), np.abs(law.height)
     for group in range(5):
-        z = stats.norm(law.middle[group], law.width[group])
+        z = stats.norm(law.middle[group], widths[group])
 
-        def share(x, z=z, height=law.height[group]):
+        def share(x, z=z, height=heights[group]):
             return float((height * (z.cdf(x) - z.cdf(DOMAIN[0]))).sum())
 
         for level, x in zip(LEVELS, found[group], strict=True):

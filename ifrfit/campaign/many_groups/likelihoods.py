@@ -88,7 +88,7 @@ class PlainLikelihoods(OfGroups):
         optima, curvature = self.optima, self.curvature
         with np.errstate(all="ignore"):
             found = (optima.kappa > 0.0) & optima.is_unique & np.isfinite(self.e_n.sd)
-            found &= (self.e_n.outside < _OUTSIDE) & (optima.beyond < _OUTSIDE)
+            found &= (self.e_n.inside > -_OUTSIDE) & (optima.beyond < _OUTSIDE)
             found &= curvature.is_local[:, E_N] & (self.chi2 < NO_DIGITS)
             found &= np.finfo(float).eps * self.sets.coefficients[0].max(axis=1) < _LOST
         return np.asarray(found)

@@ -16,14 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.campaign.many_groups.friction_law import FrictionLaw
 from ifrfit.campaign.many_groups.group_law import GroupLaw
-from ifrfit.campaign.many_groups.laws import (
-    WEIGHTS,
-    ConstantLaw,
-    FrictionLaw,
-    KappaLaw,
-    RestitutionLaw,
-)
+from ifrfit.campaign.many_groups.laws import ConstantLaw, RestitutionLaw
+from ifrfit.campaign.many_groups.panel_law import WEIGHTS, PanelLaw
 from ifrfit.campaign.many_groups.quantities import E_N, MU, OWN
 from ifrfit.campaign.many_groups.values import total
 
@@ -45,7 +41,7 @@ class _CutRestitution(GroupLaw):
     Attributes
     ----------
     alone : RestitutionLaw
-    kappa : KappaLaw
+    kappa : PanelLaw
         By itself.
     most : float
         M.
@@ -53,7 +49,7 @@ class _CutRestitution(GroupLaw):
     """
 
     alone: RestitutionLaw
-    kappa: KappaLaw
+    kappa: PanelLaw
     most: float
     scale: Array
     mean: Array
@@ -82,34 +78,21 @@ class _CutRestitution(GroupLaw):
         return share.reshape(e_n.shape)
 
 
-@dataclass(frozen=True)
-class _CutFriction(FrictionLaw):
-    """Of mu up to M.
-
-    Attributes
-    ----------
-    most : float
-        M.
-    """
-
-    most: float
-
-    @property
-    def ends(self) -> tuple[Array, Array]:
-        """From the lowest kappa to M."""
-        low, _ = super().ends
-        return low, np.full_like(low, self.most)
-
-
 def laws_up_to(
-    most: float, e_n: RestitutionLaw, own: ConstantLaw, kappa: KappaLaw, nodes: Array, density: Array
+    most: float,
+    e_n: RestitutionLaw,
+    own: ConstantLaw,
+    mu: FrictionLaw,
+    kappa: PanelLaw,
+    nodes: Array,
+    density: Array,
 ) -> tuple[tuple[GroupLaw, ...], Array]:
     """Laws of e_n, the closure constant, mu and kappa where mu ends at `most`, and the correlation of three.
 
     Parameters
     ----------
     most : float
-    e_n, own, kappa : GroupLaw
+    e_n, own, mu, kappa : GroupLaw
         As they would be without an end of mu.
     nodes, density : ndarray, (groups, panels, 6)
         Of kappa; the last panels lie between those of `plateau_nodes`.
@@ -132,14 +115,13 @@ def laws_up_to(
     e_off, mu_mean = mean_of(0, 1), mean_of(1, 0)
     e_sd = np.sqrt(mean_of(0, 2) - e_off**2)
     mu_sd = np.sqrt(mean_of(2, 0) - mu_mean**2)
-    of_kappa = KappaLaw.made(kappa.edges, nodes, density * left / scale[:, None, None])
+    of_kappa = PanelLaw.made(kappa.edges, nodes, density * left / scale[:, None, None])
     weight = left.reshape(shape[0], -1) / scale[:, None]
     of_own = own.weighted(weight)
-    mu = _CutFriction(kappa, 1.0 + e_n.nodes, e_n.mass / scale[:, None], mu_mean, mu_sd, most)
     laws = (
         _CutRestitution(e_n, kappa, most, scale, e_n.mean + e_off, e_sd),
         of_own.with_fewer_nodes(),
-        mu,
+        mu.cut_off(most, 1.0 / scale, mu_mean, mu_sd),
         of_kappa,
     )
 

@@ -17,17 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ifrfit.campaign.many_groups.friction_law import FrictionLaw, FrictionOverKappa, FrictionOverRestitution
 from ifrfit.campaign.many_groups.group_law import GroupLaw
-from ifrfit.campaign.many_groups.laws import (
-    NODES,
-    WEIGHTS,
-    ConstantLaw,
-    FrictionLaw,
-    KappaLaw,
-    RestitutionLaw,
-)
+from ifrfit.campaign.many_groups.laws import ConstantLaw, RestitutionLaw
 from ifrfit.campaign.many_groups.likelihoods import PlainLikelihoods
 from ifrfit.campaign.many_groups.open_friction import laws_up_to, plateau_nodes
+from ifrfit.campaign.many_groups.panel_law import WEIGHTS, PanelLaw, panel_nodes
 from ifrfit.campaign.many_groups.quantities import E_N, MU, OWN
 from ifrfit.campaign.many_groups.values import padded, total
 
@@ -37,9 +32,14 @@ Index = NDArray[np.intp]
 
 _PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
 _NODES = (40, 80)  # over e_n: the more, where kappa is about as sharp
-_SHARP, _STEPLESS = 2.0, 0.6  # sd of kappa over that of e_n times mu: where it is, and where it is too sharp
+# sd of kappa over that of e_n times mu, below which few nodes of e_n are not enough, and many hardly are
+_SHARP = 2.0, 0.6
+# the same of corners: the latter times what the slope of kappa's density changes by, over its greatest value
+_CORNERS = 0.2, 1.0
+_E_CLEAR = 5.5  # sd of e_n from its bounds
 # what a panel spans at most: sd of kappa, e-folds of its density, and widths of the constant given kappa
 _WIDEST, _STEEPEST, _FARTHEST = 0.8, 1.4, 1.0
+_WIDEST_OF_E_N = 1.0  # sd of it that a panel spans at most where friction is integrated over kappa
 _BESIDE, _OUTSIDE = 3.0, 1.6  # widths inside a bound of the closure constant, and outside
 
 
@@ -52,7 +52,7 @@ class AlikeGroups(NamedTuple):
     is_open : bool
         Whether kappa has mass up to the end of its domain.
     nodes : int
-        Over e_n.
+        Over e_n, for the law of friction; none where that is an integral over kappa.
     """
 
     groups: Index
@@ -62,13 +62,24 @@ class AlikeGroups(NamedTuple):
 
 def alike_groups(likelihoods: PlainLikelihoods) -> list[AlikeGroups]:
     """Those that need about as many panels and nodes; groups that need more than any are left out."""
-    panels, support = _Gaps.of(likelihoods).panels.sum(axis=1), likelihoods.support
-    is_sharp = support.sd < _SHARP * likelihoods.optimum[:, MU] * likelihoods.e_n.sd
+    gaps, support = _Gaps.of(likelihoods), likelihoods.support
+    narrower = gaps.for_friction(likelihoods)
+    panels, narrow = (each.panels.sum(axis=1) for each in (gaps, narrower))
+    spread = likelihoods.optimum[:, MU] * likelihoods.e_n.sd
+    corner = spread * gaps.corner
+    is_sharp, is_sharper = (
+        (support.sd < sharp * spread) | (corner > most) for sharp, most in zip(_SHARP, _CORNERS, strict=True)
+    )
+    # elsewhere the law of e_n, or that of kappa, has an end where the other one has mass
+    over_kappa = is_sharper & support.is_closed & (likelihoods.e_n.inside > _E_CLEAR)
+    over_kappa &= narrow <= _PANELS[-1]
+    over_e_n = ~over_kappa & (corner <= _CORNERS[1])
     found = []
-    for fewest, most in pairwise(_PANELS):
-        suits = (panels > fewest) & (panels <= most)
-        for is_open, nodes in product((False, True), _NODES):
-            kind = (support.is_open if is_open else support.is_closed) & (is_sharp == (nodes > _NODES[0]))
+    kinds = over_kappa, over_e_n & ~is_sharp, over_e_n & is_sharp
+    for nodes, kind in zip((0, *_NODES), kinds, strict=True):
+        needed = panels if nodes else narrow
+        for (fewest, most), is_open in product(pairwise(_PANELS), (False, True)):
+            suits = (needed > fewest) & (needed <= most) & (support.is_open if is_open else support.is_closed)
             groups = np.flatnonzero(suits & kind)
             if groups.size:
                 found.append(AlikeGroups(groups, is_open, nodes))
@@ -102,25 +113,30 @@ def marginal_laws(likelihoods: PlainLikelihoods, is_open: bool, nodes: int) -> M
     is_open : bool
         Whether kappa has mass up to the end of its domain.
     nodes : int
-        Over e_n.
+        Over e_n, for the law of friction; none where that is an integral over kappa.
     """
     most, own_domain, e_n = likelihoods.most, likelihoods.own, likelihoods.e_n
-    restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain, nodes)
+    restitution = RestitutionLaw.made(e_n.mean, e_n.sd, e_n.domain, nodes or _NODES[0])
     beyond = most * (1.0 + plateau_nodes(restitution)) if is_open else None
-    grid = _Panels.of(likelihoods, beyond)
-    kappa = KappaLaw.made(grid.edges, grid.nodes, grid.density)
+    gaps = _Gaps.of(likelihoods)
+    grid = _Panels.of(likelihoods, gaps if nodes else gaps.for_friction(likelihoods), beyond)
+    kappa = PanelLaw.made(grid.edges, grid.nodes, grid.density)
     own = ConstantLaw.made(grid.middle, grid.width, grid.height, own_domain)
+    mu: FrictionLaw
+    if nodes:
+        mu = FrictionOverRestitution.made(kappa, restitution)
+    else:
+        mu = FrictionOverKappa.made(kappa, restitution, grid.weights)
     laws: Sequence[GroupLaw]
     if is_open:
-        laws, correlation = laws_up_to(most, restitution, own, kappa, grid.nodes, grid.density)
+        laws, correlation = laws_up_to(most, restitution, own, mu, kappa, grid.nodes, grid.density)
     else:
-        mu = FrictionLaw.made(kappa, restitution)
         laws = restitution, own.with_fewer_nodes(), mu, kappa
         correlation = _correlation(restitution, own, mu, kappa, grid)
     # beyond, mass of mu ends at its domain for some e_n only
     proper = likelihoods.support.high < most * (1.0 + restitution.low)
-    # the nodes of e_n would see steps where kappa is known much better
-    proper &= kappa.sd > _STEPLESS * laws[MU].mean * e_n.sd
+    if nodes:  # those of e_n would see steps where kappa is known much better
+        proper &= kappa.sd > _SHARP[1] * laws[MU].mean * e_n.sd
     return MarginalLaws(laws, correlation, proper)
 
 
@@ -132,11 +148,14 @@ class _Gaps(NamedTuple):
     low, width : ndarray
     panels : ndarray of float
         So many that each is narrow; none where there is no further gap.
+    corner : ndarray, (groups,)
+        The most by which the slope of kappa's density changes at a transition, over its greatest value.
     """
 
     low: Array
     width: Array
     panels: Array
+    corner: Array
 
     @classmethod
     def of(cls, likelihoods: PlainLikelihoods) -> _Gaps:
@@ -161,7 +180,23 @@ class _Gaps(NamedTuple):
             little = np.exp((likelihoods.optima.chi2[:, None] - likelihoods.optima.least) / 12.0)
             needed = np.maximum(of_kappa, of_own) * little
             panels = np.where(width > 0.0, np.maximum(np.ceil(needed), 1.0), 0.0)
-        return cls(low, width, panels)
+            # walls may lie on one another
+            gap = np.where(width > 0.0, np.arange(width.shape[1]), -1)
+            before = np.maximum.accumulate(gap, axis=1)[:, :-1]
+            turn = np.abs(np.take_along_axis(slopes[1], before, axis=1) - slopes[0][:, 1:])
+            rise = sets.at(low, likelihoods.own)[:, 1:] - likelihoods.optima.chi2[:, None]
+            inside = (before >= 0) & (width[:, 1:] > 0.0)
+            corner = np.where(inside, 0.5 * turn * np.exp(-0.5 * rise), 0.0).max(axis=1)
+        return cls(low, width, panels, corner)
+
+    def for_friction(self, likelihoods: PlainLikelihoods) -> _Gaps:
+        """With panels so narrow that e_n is smooth over each, in what mu = kappa/(1 + e_n) makes of it."""
+        e_n = likelihoods.e_n
+        relative = (e_n.sd / (1.0 + e_n.best))[:, None]
+        with np.errstate(all="ignore"):
+            needed = self.width / (self.low + 0.5 * self.width) / (_WIDEST_OF_E_N * relative)
+            panels = np.where(self.width > 0.0, np.maximum(np.ceil(needed), self.panels), 0.0)
+        return self._replace(panels=panels)
 
 
 @dataclass(frozen=True)
@@ -187,11 +222,15 @@ class _Panels:
     width: Array
     height: Array
 
+    @property
+    def weights(self) -> Array:
+        """The share of kappa that each node stands for."""
+        return np.asarray(self.density * WEIGHTS * 0.5 * np.diff(self.edges, axis=1)[:, :, None])
+
     @classmethod
-    def of(cls, likelihoods: PlainLikelihoods, beyond: Array | None = None) -> _Panels:
+    def of(cls, likelihoods: PlainLikelihoods, gaps: _Gaps, beyond: Array | None = None) -> _Panels:
         """Panels between the ends, and between the edges beyond, (groups, m), where there are some."""
         sets, domain, high = likelihoods.sets, likelihoods.own, likelihoods.support.high
-        gaps = _Gaps.of(likelihoods)
         of = gaps.panels.astype(np.intp)
         own, start, width = (
             np.repeat(each, of.ravel())
@@ -202,15 +241,16 @@ class _Panels:
         edges = np.minimum(np.concatenate((edges, high[:, None]), axis=1), high[:, None])
         edges = edges if beyond is None else np.concatenate((edges, beyond), axis=1)
         half = 0.5 * np.diff(edges, axis=1)
-        middle = edges[:, :-1] + half
-        nodes = middle[:, :, None] + half[:, :, None] * NODES
+        middle, nodes = edges[:, :-1] + half, panel_nodes(edges)
         cell = (sets.walls[:, None, 1:-1] < middle[:, :, None]).sum(axis=2)
         f = [np.take_along_axis(form, cell, axis=1)[:, :, None] for form in sets.coefficients]
         own = -(f[1] + f[4] * nodes) / (2.0 * f[3])
         width = np.broadcast_to(1.0 / np.sqrt(f[3]), own.shape)
         chi2 = f[0] + f[2] * nodes + f[5] * nodes**2 - f[3] * own**2
         height = width * np.exp(-0.5 * (chi2 - likelihoods.optima.chi2[:, None, None]))
-        between = ndtr((domain[1] - own) / width) - ndtr((domain[0] - own) / width)
+        facing = np.where(own < domain[0], -1.0, 1.0)  # so that tails keep their digits
+        between = ndtr(facing * (domain[1] - own) / width) - ndtr(facing * (domain[0] - own) / width)
+        between *= facing
         weights = half[:, :, None] * WEIGHTS
         mass = total(weights * height * between)[:, None, None]
         density = height * between / mass
@@ -218,7 +258,7 @@ class _Panels:
 
 
 def _correlation(
-    restitution: RestitutionLaw, own: ConstantLaw, mu: FrictionLaw, kappa: KappaLaw, grid: _Panels
+    restitution: RestitutionLaw, own: ConstantLaw, mu: FrictionLaw, kappa: PanelLaw, grid: _Panels
 ) -> Array:
     """Correlations of e_n, the closure constant and mu = kappa/(1 + e_n), (groups, 3, 3)."""
     nodes = grid.nodes.reshape(kappa.mean.size, -1)

@@ -55,9 +55,9 @@ class Restitution(OfGroups):
         return np.asarray(np.clip(self.mean, *self.domain))
 
     @property
-    def outside(self) -> Array:
-        """How far the mean lies outside the domain, in sd."""
-        return np.asarray(np.maximum(self.domain[0] - self.mean, self.mean - self.domain[1]) / self.sd)
+    def inside(self) -> Array:
+        """How far the mean lies from the nearer end of the domain, in sd."""
+        return np.asarray(np.minimum(self.mean - self.domain[0], self.domain[1] - self.mean) / self.sd)
 
     @property
     def chi2(self) -> Array:
