@@ -29,6 +29,7 @@ from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
+from ifrfit.cli.stop_signals import heed_termination
 from ifrfit.errors import UsageError
 
 _SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "campaign": campaign, "cost": cost}
@@ -216,4 +217,5 @@ def keep_freed_memory() -> None:
 def main() -> None:
     """Entry point."""
     keep_freed_memory()
+    heed_termination()
     app()

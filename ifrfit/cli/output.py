@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
+from ifrfit.cli.stop_signals import status_of_interrupt
 from ifrfit.errors import IfrfitError, UsageError
 from ifrfit.text import progress_words
 
@@ -33,7 +34,6 @@ Verbose = Annotated[
     ),
 ]
 NOT_REACHED = 4  # exit status of --strict
-INTERRUPTED = 130  # as shells have it: 128 and the number of the signal
 
 
 def text_width() -> int:
@@ -104,7 +104,7 @@ def insist(reasons: Sequence[str]) -> None:
 def interrupted(kept: str) -> NoReturn:
     """Leave as one does after Ctrl-C, saying what is kept."""
     typer.echo(f"ifrfit: interrupted. {kept}".rstrip(), err=True)
-    raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(status_of_interrupt()) from None
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:

@@ -40,9 +40,12 @@ _PATIENCE = 120.0  # seconds until a busy machine must have come so far
 
 
 def interrupt(
-    *arguments: str, module: str = "fit", after: int = 1
+    *arguments: str, module: str = "fit", after: int = 1, number: signal.Signals = signal.SIGINT
 ) -> tuple[subprocess.CompletedProcess, float]:
-    """Run a command, press Ctrl-C once it is under way; what came of it, and seconds until it had ended."""
+    """Run a command, press Ctrl-C once it is under way; what came of it, and seconds until it had ended.
+
+    Any other signal goes to the command alone, as that of a batch system may.
+    """
     script = Path("told.py")
     script.write_text(_TOLD.format(module=module, after=after), encoding="utf-8")
     sign = Path("under-way")
@@ -59,7 +62,8 @@ def interrupt(
             while not sign.exists() and process.poll() is None and time.monotonic() < end:
                 time.sleep(0.02)
             assert sign.exists(), process.communicate()[1]
-            os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+            # a terminal sends it to all of them
+            (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
             begin = time.monotonic()
             out, err = process.communicate(timeout=_PATIENCE)
             elapsed = time.monotonic() - begin
@@ -110,6 +114,24 @@ def test_chains_are_kept_and_the_same_command_goes_on(cli, workers: str) -> None
         with np.load("results/chains.npz", allow_pickle=False) as file:
             assert file["at"].shape[1] == 120
             np.testing.assert_array_equal(file["at"][:, :steps], first)
+
+
+def test_a_batch_system_ends_a_campaign_that_goes_on_later(cli) -> None:
+    """As SLURM does when the time is over: SIGTERM, and some seconds later SIGKILL."""
+    rng = np.random.default_rng(1)
+    lines = [
+        f"r{group},{gamma:.3f},{0.3 + 0.02 * rng.standard_normal():.4f},{0.9 + 0.02 * rng.standard_normal():.4f}"
+        for group in range(300)
+        for gamma in rng.uniform(10.0, 80.0, 8)
+    ]
+    Path("all.csv").write_text("run,gamma_deg,beta,e_n\n" + "\n".join(lines), encoding="utf-8")
+    asked = ("campaign", "all.csv", "--by", "run", "--method", "lsq", "--no-facts", "--out", "results")
+    found, elapsed = interrupt(*asked, module="campaign", after=2, number=signal.SIGTERM)
+    assert (found.returncode, found.stdout) == (143, "")
+    assert found.stderr == "ifrfit: interrupted. What was found is kept: --resume goes on.\n"
+    assert elapsed < SOON
+    assert Path("results.unfinished.jsonl").exists()
+    assert cli(*asked, "--resume", "--quiet").returncode == 0
 
 
 def test_without_a_folder_chains_are_kept_here(cli) -> None:
