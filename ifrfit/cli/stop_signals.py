@@ -20,5 +20,5 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def status_of_interrupt() -> int:
-    """The exit status of a command that was interrupted, as shells have it: 128 and the number of the signal."""
+    """Exit status of a command that was interrupted: 128 and the number of the signal, as shells have it."""
     return 128 + (_received[-1] if _received else signal.SIGINT)

@@ -120,9 +120,9 @@ def test_a_batch_system_ends_a_campaign_that_goes_on_later(cli) -> None:
     """As SLURM does when the time is over: SIGTERM, and some seconds later SIGKILL."""
     rng = np.random.default_rng(1)
     lines = [
-        f"r{group},{gamma:.3f},{0.3 + 0.02 * rng.standard_normal():.4f},{0.9 + 0.02 * rng.standard_normal():.4f}"
+        f"r{group},{gamma:.3f},{0.3 + noise[0]:.4f},{0.9 + noise[1]:.4f}"
         for group in range(300)
-        for gamma in rng.uniform(10.0, 80.0, 8)
+        for gamma, *noise in np.column_stack((rng.uniform(10.0, 80.0, 8), rng.normal(0.0, 0.02, (8, 2))))
     ]
     Path("all.csv").write_text("run,gamma_deg,beta,e_n\n" + "\n".join(lines), encoding="utf-8")
     asked = ("campaign", "all.csv", "--by", "run", "--method", "lsq", "--no-facts", "--out", "results")

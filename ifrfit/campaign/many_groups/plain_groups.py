@@ -53,7 +53,7 @@ Index = NDArray[np.intp]
 _UNITS = ("deg", "1")  # in which a number means the same whatever stands beside it
 _KEYS = ("gamma", "spin_x", "spin_y", "e_n")
 _FREE = 3  # e_n, the closure constant, mu
-_BY_THEMSELVES, _TOGETHER = 100, 250  # groups
+_BY_THEMSELVES, _TOGETHER = 20, 250  # groups: some seconds, with facts
 _FEW = 5  # tangential values below which nothing is ordinary
 
 
