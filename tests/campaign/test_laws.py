@@ -123,6 +123,29 @@ def test_friction_where_kappa_has_a_corner():
             assert share[0] == pytest.approx(level, abs=1e-5 * slope[group, 0] * law.sd[group])
 
 
+def test_a_level_between_two_modes():
+    """A miss that is nothing in probability led 84 sd away; where a law is all but empty none is found."""
+    groups = 400
+    weight = np.random.default_rng(4).uniform(0.02, 0.98, groups)[:, None, None]
+    weight[:40, 0, 0] = LEVELS[0] + np.linspace(-3e-4, 3e-4, 40)  # of the lower mode: a level in the valley
+    edges = np.tile(np.linspace(-8.0, 30.0, 96), (groups, 1))
+    nodes = panel_nodes(edges)
+    law = PanelLaw.made(
+        edges, nodes, weight * stats.norm.pdf(nodes) + (1.0 - weight) * stats.norm.pdf(nodes - 20.0)
+    )
+    found = law.quantiles(np.array(LEVELS))
+    assert np.isnan(found[:40, 0]).any()
+    assert np.isfinite(found[40:]).mean() > 0.95
+    for group, level in zip(*np.nonzero(np.isfinite(found)), strict=True):
+        w = weight[group, 0, 0]
+
+        def below(x, w=w):
+            return w * stats.norm.cdf(x) + (1.0 - w) * stats.norm.cdf(x - 20.0)
+
+        exact = brentq(lambda x, below=below, level=level: below(x) - LEVELS[level], -8.0, 28.0, xtol=1e-13)
+        assert found[group, level] == pytest.approx(exact, abs=1e-4 * law.sd[group])
+
+
 def test_a_constant_whose_law_lies_far_below_its_bound():
     """What is left of an upper tail has digits: the sd was 1e-4 of itself off at eleven widths."""
     beyond, width = np.array([-1.0, 2.0, 7.0, 11.0, 30.0]), 0.01

@@ -171,6 +171,89 @@ def test_outliers_and_sigmas_that_are_far_too_small(tmp_path):
         assert_alike(row, fit_group(exact, files, groups[place]), within=1e-4)
 
 
+def group_of(rng, gamma, noise, said, name="v_x", e_n=0.7, e_t=-0.7, mu=0.2):
+    """A group of impacts, its noise, and what is said of it; mu may be one for each."""
+    state = rebound(gamma, 0.0, 0.0, degrees=True, e_n=e_n, e_t=e_t, mu=mu)
+    n = len(gamma)
+    value = OBSERVABLES[name].value(state, np.broadcast_to(mu, n)) + noise * rng.standard_normal(n)
+    columns = {"gamma_deg": gamma, "spin_y": 0.0, name: value, f"sigma_{name}": said}
+    return pd.DataFrame(columns | {"e_n": e_n + noise * rng.standard_normal(n), "sigma_e_n": said})
+
+
+def assert_as_by_themselves(tmp_path, tables, least, within=1e-4):
+    """Groups that are fitted together, some at least, as the general code has them."""
+    files, groups = read(tmp_path, pd.concat([table.assign(run=f"r{i}") for i, table in enumerate(tables)]))
+    found = plain_rows(question(), files, groups)
+    assert len(found) >= least
+    for place, row in found.items():
+        assert_alike(
+            row, fit_group(question(method=Exact(accuracy=1e-6)), files, groups[place]), within=within
+        )
+
+
+def test_an_uncertainty_that_stands_alone(tmp_path):
+    """A group with one value ten thousand times as sure as its others was fitted, not refused."""
+    tables = []
+    for seed, noise in zip((353, 364, 378, 391), (1e-5, 1e-4, 1e-3, 1e-2), strict=True):
+        rng = np.random.default_rng(seed)
+        gamma = rng.uniform(10.0, 80.0, 30)
+        table, sure = (group_of(rng, gamma, each, each, "beta") for each in (0.1, 5e-6))
+        place = int(rng.integers(30))
+        table.loc[place, ["beta", "sigma_beta"]] = sure.loc[place, ["beta", "sigma_beta"]]
+        # of all groups together none stands alone
+        tables += [table, group_of(rng, gamma, noise, noise, "beta")]
+    files, groups = read(tmp_path, pd.concat([each.assign(run=f"r{i}") for i, each in enumerate(tables)]))
+    rows = fit_groups(question(), files, groups)
+    assert [bool(row[FAILURE]) for row in rows] == [True, False] * 4
+    assert all("10,000 times smaller" in row[FAILURE] for row in rows[::2])
+
+
+def test_a_wide_gap_between_the_transitions(tmp_path):
+    """Friction was integrated over panels of kappa that were too wide where kappa is least."""
+    rng = np.random.default_rng(8)
+    tables = []
+    for _ in range(40):
+        n, noise = int(rng.integers(20, 60)), rng.uniform(0.1, 0.5)
+        gamma = np.where(rng.random(n) < 0.5, rng.uniform(0.5, 9.0, n), rng.uniform(55.0, 88.0, n))
+        tables.append(group_of(rng, gamma, noise, noise, "beta", e_n=0.6, mu=rng.uniform(0.03, 0.15)))
+    assert_as_by_themselves(tmp_path, tables, 10)
+
+
+def test_angles_that_are_all_but_the_same(tmp_path):
+    """Which of two optima is the best is a matter of digits, and levels may lie between the modes of a law."""
+    tables, widths = [], np.log((0.01, 0.4))
+    for seed in (0, 1, 2, 3, 4, 5, 6, 7, 238, 418, 1231, 1306, 1366, 1645, 1846, 2098):
+        rng = np.random.default_rng(seed)
+        n, noise, mu = (
+            int(rng.integers(10, 60)),
+            np.exp(rng.uniform(*widths)),
+            rng.uniform(0.02, 0.4),
+        )
+        most = math.degrees(math.atan(2.5 * mu * 1.7))  # that sticks
+        near = rng.uniform(3.0, max(most - 3.0, 4.0), 2), rng.uniform(min(most + 2.0, 87.0), 88.0, 2)
+        gamma = rng.choice(np.concatenate(near), n) + np.exp(rng.uniform(-14.0, -3.0)) * rng.standard_normal(
+            n
+        )
+        tables.append(group_of(rng, gamma, noise, noise, mu=mu))
+    assert_as_by_themselves(tmp_path, tables, 5)
+
+
+@pytest.mark.parametrize("sure", [1e-9, 1e-7, 1e-5])
+def test_correlations_where_e_n_is_known_exactly(tmp_path, sure):
+    """What e_n and mu share is as little as e_n is uncertain: it was the rounding of a mean."""
+    rng = np.random.default_rng(2)
+    tables = []
+    for mu in (0.1, 0.2, 2.0):
+        table = group_of(rng, rng.uniform(5.0, 80.0, 40), 0.02, 0.02, mu=mu)
+        tables.append(table.assign(e_n=0.7 + sure * rng.standard_normal(40), sigma_e_n=sure))
+    files, groups = read(tmp_path, pd.concat([each.assign(run=f"r{i}") for i, each in enumerate(tables)]))
+    found = plain_rows(question(), files, groups)
+    assert len(found) == len(tables)
+    for row in (row for row in found.values() if row["mu_sd"] is not None):
+        expected = -row["mu"] * row["e_n_sd"] / (1.0 + row["e_n"]) / row["mu_sd"]
+        assert row["correlation_e_n_mu"] == pytest.approx(expected, rel=0.05)
+
+
 def test_inertia_and_ranges(tmp_path):
     files, groups = read(tmp_path, table_of(30))
     for asked in (

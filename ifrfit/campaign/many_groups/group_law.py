@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 60
 _CLOSE = 3e-4  # miss, in sd, from which one more step leaves no more than its square
+_EMPTY = 1e-3  # density, over 1/sd, between modes: a quantile there hangs on the last digits of a probability
 _AT_ONCE = 1 << 15  # numbers
 _AWAY = 4.0  # sd from its mean to an end of a law that is begun with as a normal one
 _FAR = 9.0  # sd of a normal law, beyond which nothing of it is looked for
@@ -71,7 +72,7 @@ class GroupLaw(OfGroups, ABC):
         return x
 
     def quantiles(self, levels: Array) -> Array:
-        """Quantiles, (groups, n); nan where the search does not settle.
+        """Quantiles, (groups, n); nan where the search does not settle, or a law has next to nothing there.
 
         Newton's method in the quantile of the normal law that has the same probability, in which most laws
         are nearly straight, with the cubic through a second place: that of the step before, at first that of
@@ -94,9 +95,11 @@ class GroupLaw(OfGroups, ABC):
             is_inside = (step >= low) & (step <= high)
             if before is not None:  # where a law is all but flat, steps lead nowhere
                 is_inside &= np.abs(miss) < 0.5 * np.abs(before[0])
-            is_close = np.abs(miss) < _CLOSE
+            # between modes a law is so flat that what is next to nothing of its probability is a long way
+            is_close = np.abs(miss) * np.maximum(slope / law.sd[:, None], 1.0) < _CLOSE
             # what is there stays, whatever other levels need
             there = np.where(is_inside, step, x)
+            there = np.where(density * law.sd[:, None] < _EMPTY, np.inf, there)
             found[pending] = np.where(is_close & np.isnan(found[pending]), there, found[pending])
             step = np.where(is_inside, step, 0.5 * (low + high))
             left = np.flatnonzero(np.isnan(found[pending]).any(axis=1) & ~np.isnan(share).any(axis=1))
@@ -105,7 +108,7 @@ class GroupLaw(OfGroups, ABC):
             before = np.stack((miss, x, slope))[:, left]
             pending, law = pending[left], law.of_groups(left)
             x, low, high = step[left], low[left], high[left]
-        return found
+        return np.where(np.isinf(found), np.nan, found)
 
 
 def _beside(goal: Array, z: Array, x: Array, slope: Array, before: Array | None) -> Array:

@@ -25,7 +25,7 @@ from ifrfit.campaign.many_groups.values import total
 
 Array = NDArray[np.float64]
 
-_ORDERS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0))
+_ORDERS = tuple((i, j) for i in range(3) for j in range(3))
 _STEPS = 12  # panels over which kappa ends
 
 
@@ -107,21 +107,22 @@ def laws_up_to(
     mass = density * WEIGHTS * half
     scale = total(mass * left)
     mass = mass / scale[:, None, None]
-
-    def mean_of(over: int, times: int) -> Array:
-        """Mean of mu^over (e_n - its mean alone)^times."""
-        return total(mass * nodes**over * moments[over, times])
-
-    e_off, mu_mean = mean_of(0, 1), mean_of(1, 0)
-    e_sd = np.sqrt(mean_of(0, 2) - e_off**2)
-    mu_sd = np.sqrt(mean_of(2, 0) - mu_mean**2)
+    # mu about a place: mu - mu0 = (kappa - kappa0 - mu0 (e_n - m)) / (1 + e_n), of which products have digits
+    place = kappa.mean / (1.0 + e_n.mean)
+    away, mu0 = nodes - kappa.mean[:, None, None], place[:, None, None]
+    of_mu = away * moments[1, 0] - mu0 * moments[1, 1]
+    of_square = away**2 * moments[2, 0] - 2.0 * away * mu0 * moments[2, 1] + mu0**2 * moments[2, 2]
+    of_product = away * moments[1, 1] - mu0 * moments[1, 2]
+    e_off, mu_off = total(mass * moments[0, 1]), total(mass * of_mu)
+    e_sd = np.sqrt(total(mass * moments[0, 2]) - e_off**2)
+    mu_sd = np.sqrt(total(mass * of_square) - mu_off**2)
     of_kappa = PanelLaw.made(kappa.edges, nodes, density * left / scale[:, None, None])
     weight = left.reshape(shape[0], -1) / scale[:, None]
     of_own = own.weighted(weight)
     laws = (
         _CutRestitution(e_n, kappa, most, scale, e_n.mean + e_off, e_sd),
         of_own.with_fewer_nodes(),
-        mu.cut_off(most, 1.0 / scale, mu_mean, mu_sd),
+        mu.cut_off(most, 1.0 / scale, place + mu_off, mu_sd),
         of_kappa,
     )
 
@@ -130,8 +131,8 @@ def laws_up_to(
     found = np.tile(np.eye(3), (shape[0], 1, 1))
     for i, j, covariance in (
         (E_N, OWN, total(centred * moments[0, 1])),
-        (OWN, MU, total(centred * nodes * moments[1, 0])),
-        (E_N, MU, mean_of(1, 1) - e_off * mu_mean),
+        (OWN, MU, total(centred * of_mu)),
+        (E_N, MU, total(mass * of_product) - e_off * mu_off),
     ):
         found[:, i, j] = found[:, j, i] = covariance / (laws[i].sd * laws[j].sd)
     return laws, found
@@ -149,13 +150,9 @@ def _moments(most: float, e_n: RestitutionLaw, nodes: Array) -> list[tuple[tuple
 
 def _powers(e: Array, mass: Array, mean: Array) -> list[Array]:
     """Sums of (e - mean)^j/(1 + e)^i over the last axis, (i, j) as in `_ORDERS`."""
-    share, off = mass / (1.0 + e), e - mean
-    first = mass * off
-    return [
-        mass.sum(axis=-1),
-        first.sum(axis=-1),
-        (first * off).sum(axis=-1),
-        share.sum(axis=-1),
-        (share * off).sum(axis=-1),
-        (share / (1.0 + e)).sum(axis=-1),
-    ]
+    found, off = [], e - mean
+    for _ in range(3):
+        first = mass * off
+        found += [mass.sum(axis=-1), first.sum(axis=-1), (first * off).sum(axis=-1)]
+        mass = mass / (1.0 + e)
+    return found

@@ -36,6 +36,7 @@ from ifrfit.data.conventions import Conventions
 from ifrfit.data.groups import Group, GroupedFiles
 from ifrfit.data.stream.impact_stream import Batch, ImpactStream
 from ifrfit.data.stream.tally import Tally
+from ifrfit.data.validate import TINY_SHARE
 from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.keywords import selection_of
@@ -245,18 +246,28 @@ class _Values:
         offset, slope = linear(incidence, inertia)
         odd = (incidence.slip <= 0.0) | (incidence.cosine <= 0.0) | (slope == 0.0)
         ordinary = np.bincount(own[at], odd, minlength=groups) == 0
+        ordinary &= _alike(sigma, own[at], groups)
         with np.errstate(divide="ignore", invalid="ignore"):
             tau, factor = incidence.tau, (value - offset) / slope
         order = np.lexsort((tau, own[at]))
         columns = (tau, factor, (slope / sigma) ** 2.0)
         tangential = padded(own[at][order], groups, [column[order] for column in columns], (np.inf, 0.0, 0.0))
         at_e, e_n, sigma_e = batch.values["e_n"]
+        ordinary &= _alike(sigma_e, own[at_e], groups)
         normal = padded(own[at_e], groups, [e_n, sigma_e**-2.0], (0.0, 0.0))
         oblique = np.bincount(own[at], minlength=groups)
         counts = np.stack((oblique, oblique + np.bincount(own[at_e], minlength=groups)), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             measured = Restitution.of(normal[0], normal[1], domain)
         return cls(Tangential(*tangential), measured, counts, ordinary)
+
+
+def _alike(sigma: Array, own: Index, groups: int) -> NDArray[np.bool_]:
+    """Whether no uncertainty of a group can stand alone far below its others, as by a slip of the hand."""
+    least, most = np.full(groups, np.inf), np.zeros(groups)
+    np.minimum.at(least, own, sigma)
+    np.maximum.at(most, own, sigma)
+    return np.asarray(least >= TINY_SHARE * most)
 
 
 def _columns(

@@ -27,6 +27,9 @@ Index = NDArray[np.intp]
 _SINGULAR = 1e-10  # of the determinant over the product of the diagonal
 _ILL = 1e-4  # of the same: below, as where all impacts slide at one angle, chi2 is a valley with a flat floor
 _DIGITS = 1e-6  # relative, of what counts as a rival: what lies nearer to it counts perhaps
+_AS_GOOD = 2e-6  # of chi2 within which the general search takes two minima for equally good, and a little
+_ROUNDED = 8.0 * np.finfo(float).eps  # of the sums that chi2 is made of
+_ON = 1e-9  # relative, of what lies on a wall
 _SAME = 1e-5  # of chi2 within which two optima are as good
 _ONE_PLACE = 1.1 * _SAME**0.5  # sd within which both are of one valley, whose parabola has that rise
 _NO_WIDTH = 1e-6  # what stands for that where the data leave the place open
@@ -175,6 +178,17 @@ class GroupOptima(OfGroups):
         one_place = np.where(seen, _ONE_PLACE * np.sqrt(variances), _NO_WIDTH)
         variances[1] = np.where(seen | ~every_sticks, variances[1], 1.0 / f3)
         is_one = same < one_place
+        # another local minimum, as good as the general search counts them
+        as_good = _is_minimum(sets, places) & (rise <= _AS_GOOD)
+        lowest, highest = (
+            np.where(as_good, places, np.inf).min(axis=1),
+            np.where(as_good, places, 0.0).max(axis=1),
+        )
+        is_one &= highest - lowest <= _ON * highest
+        # rounding may tell on which side of a wall it is
+        rounded = _ROUNDED * np.abs(sets.coefficients[0]).max(axis=1)
+        away = np.abs(sets.walls[:, 1:-1] - kappa[:, None]).min(axis=1)
+        is_one &= np.where(away <= _ON * kappa, rounded < _AS_GOOD, away**2 > rounded * variances[0])
         return cls(
             chi2=chi2,
             kappa=kappa,
@@ -188,6 +202,17 @@ class GroupOptima(OfGroups):
             least=least,
             places=places,
         )
+
+
+def _is_minimum(sets: StickingSets, places: Array) -> Bool:
+    """Whether the least of each set is a local minimum of all: inside, or on a wall and of both its sides."""
+    low, high = sets.walls[:, :-1], sets.walls[:, 1:]
+    on_low, on_high = (np.abs(places - wall) <= _ON * wall for wall in (low, high))
+    found = ~on_low & ~on_high
+    kink = on_high[:, :-1] & on_low[:, 1:]
+    found[:, :-1] |= kink
+    found[:, 1:] |= kink
+    return found
 
 
 def _rivals(sets: StickingSets, rise: Array, places: Array) -> tuple[Bool, Bool]:

@@ -32,8 +32,8 @@ Index = NDArray[np.intp]
 
 _PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
 _NODES = (40, 80)  # over e_n: the more, where kappa is about as sharp
-# sd of kappa over that of e_n times mu, below which few nodes of e_n are not enough, and many hardly are
-_SHARP = 2.0, 0.6
+# sd of kappa over that of e_n times mu below which few nodes of e_n are not enough, many hardly, and none
+_SHARP = 2.0, 0.6, 0.25
 # the same of corners: the latter times what the slope of kappa's density changes by, over its greatest value
 _CORNERS = 0.2, 1.0
 _E_CLEAR = 5.5  # sd of e_n from its bounds
@@ -68,12 +68,12 @@ def alike_groups(likelihoods: PlainLikelihoods) -> list[AlikeGroups]:
     spread = likelihoods.optimum[:, MU] * likelihoods.e_n.sd
     corner = spread * gaps.corner
     is_sharp, is_sharper = (
-        (support.sd < sharp * spread) | (corner > most) for sharp, most in zip(_SHARP, _CORNERS, strict=True)
+        (support.sd < sharp * spread) | (corner > most) for sharp, most in zip(_SHARP, _CORNERS, strict=False)
     )
     # elsewhere the law of e_n, or that of kappa, has an end where the other one has mass
     over_kappa = is_sharper & support.is_closed & (likelihoods.e_n.inside > _E_CLEAR)
     over_kappa &= narrow <= _PANELS[-1]
-    over_e_n = ~over_kappa & (corner <= _CORNERS[1])
+    over_e_n = ~over_kappa & (corner <= _CORNERS[1]) & (support.sd >= _SHARP[2] * spread)
     found = []
     kinds = over_kappa, over_e_n & ~is_sharp, over_e_n & is_sharp
     for nodes, kind in zip((0, *_NODES), kinds, strict=True):
@@ -176,8 +176,11 @@ class _Gaps(NamedTuple):
             # what a normal law has between the bounds changes faster the farther outside it lies
             farther = np.maximum(-away / _OUTSIDE, 1.0)
             of_own = np.abs(own[1] - own[0]) * np.sqrt(f3) * farther / _FARTHEST
-            # errors are as the sixth power, and as the mass
-            little = np.exp((likelihoods.optima.chi2[:, None] - likelihoods.optima.least) / 12.0)
+            # errors are as the sixth power, and as the mass, whose share in the sd is the greater far away
+            optima = likelihoods.optima
+            away = (optima.places - optima.kappa[:, None]) / support.sd[:, None]
+            little = np.exp((optima.chi2[:, None] - optima.least) / 12.0)
+            little = np.minimum(little * np.maximum(away**2, 1.0) ** (1.0 / 6.0), 1.0)
             needed = np.maximum(of_kappa, of_own) * little
             panels = np.where(width > 0.0, np.maximum(np.ceil(needed), 1.0), 0.0)
             # walls may lie on one another
@@ -194,7 +197,7 @@ class _Gaps(NamedTuple):
         e_n = likelihoods.e_n
         relative = (e_n.sd / (1.0 + e_n.best))[:, None]
         with np.errstate(all="ignore"):
-            needed = self.width / (self.low + 0.5 * self.width) / (_WIDEST_OF_E_N * relative)
+            needed = self.width / (_WIDEST_OF_E_N * relative * self.low)  # where kappa is least, at each
             panels = np.where(self.width > 0.0, np.maximum(np.ceil(needed), self.panels), 0.0)
         return self._replace(panels=panels)
 
@@ -265,7 +268,9 @@ def _correlation(
     centred = own.node_means - own.mean[:, None] * own.node_masses
     with_kappa = total(centred * (nodes - kappa.mean[:, None]))
     inverse = restitution.mass / (1.0 + restitution.nodes)
-    with_e_n = kappa.mean * (inverse * (restitution.nodes - restitution.mean[:, None])).sum(axis=1)
+    # 1/(1 + e_n) less what it is at the mean, as differences that keep their digits
+    away = restitution.nodes - restitution.mean[:, None]
+    with_e_n = -kappa.mean * (inverse * away**2).sum(axis=1) / (1.0 + restitution.mean)
     found = np.tile(np.eye(3), (kappa.mean.size, 1, 1))
     found[:, OWN, MU] = found[:, MU, OWN] = with_kappa * inverse.sum(axis=1) / (own.sd * mu.sd)
     found[:, E_N, MU] = found[:, MU, E_N] = with_e_n / (restitution.sd * mu.sd)
