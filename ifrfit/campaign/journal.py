@@ -119,8 +119,8 @@ class Journal:
                     kept.append(line)
         if head is not None and (head["form"], head.get("question")) != (_FORM, self.question):
             raise UsageError(
-                f"{self.path}: this unfinished campaign asked something else of the groups, or is of another "
-                "version. Give the options of then, or begin anew with --force."
+                f"{self.path}: this unfinished campaign asked something else of the groups, or is of other "
+                "files or another version. Give the files and options of then, or begin anew with --force."
             )
         if head is None and not self.known:
             raise UsageError(

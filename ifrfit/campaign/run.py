@@ -180,7 +180,8 @@ def run_campaign(
     parameters = question.model.parameters(SOLID if inertia is None else inertia)
     paths = [Path(each) for each in data]
     files = GroupedFiles(tuple(table_files(paths)), tuple(by), conventions, tuple(paths))
-    journal = Journal.open(out, repr((tuple(by), question)), resume=resume, force=force)
+    asked = repr((tuple(str(path.resolve()) for path in paths), tuple(by), question))
+    journal = Journal.open(out, asked, resume=resume, force=force)
     order: dict[tuple[str, ...], int] = {}
     refused: list[RefusedFile] = []
     found: dict[tuple[str, ...], Row] = {}

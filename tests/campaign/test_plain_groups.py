@@ -220,7 +220,7 @@ def test_a_wide_gap_between_the_transitions(tmp_path):
 
 
 def test_angles_that_are_all_but_the_same(tmp_path):
-    """Which of two optima is the best is a matter of digits, and levels may lie between the modes of a law."""
+    """Which of two optima is the best is a matter of digits, and levels may lie between modes of a law."""
     tables, widths = [], np.log((0.01, 0.4))
     for seed in (0, 1, 2, 3, 4, 5, 6, 7, 238, 418, 1231, 1306, 1366, 1645, 1846, 2098):
         rng = np.random.default_rng(seed)

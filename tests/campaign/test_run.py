@@ -128,6 +128,8 @@ def test_an_interrupted_campaign_goes_on(tmp_path, monkeypatch):
         run(path, out)
     with refused(UsageError, match="something else"):
         run(path, out, resume=True, method="lsq")
+    with refused(UsageError, match="of other files"):  # the rows kept would be of none of its groups, and go
+        run(campaign_file(tmp_path / "other.csv", runs=3), out, resume=True)
     fitted = []
     import ifrfit.campaign.many_groups.plain_groups as module
 
