@@ -32,8 +32,9 @@ Index = NDArray[np.intp]
 
 _PANELS = (0, 32, 48, 80, 240)  # groups that need about as many are done together
 _NODES = (40, 80)  # over e_n: the more, where kappa is about as sharp
-# sd of kappa over that of e_n times mu below which few nodes of e_n are not enough, many hardly, and none
-_SHARP = 2.0, 0.6, 0.25
+# sd of kappa over that of e_n times mu, below which few nodes of e_n are not enough, and many hardly are
+_SHARP = 2.0, 0.6
+_TOO_SHARP = 0.25  # for any of them
 # the same of corners: the latter times what the slope of kappa's density changes by, over its greatest value
 _CORNERS = 0.2, 1.0
 _E_CLEAR = 5.5  # sd of e_n from its bounds
@@ -68,12 +69,12 @@ def alike_groups(likelihoods: PlainLikelihoods) -> list[AlikeGroups]:
     spread = likelihoods.optimum[:, MU] * likelihoods.e_n.sd
     corner = spread * gaps.corner
     is_sharp, is_sharper = (
-        (support.sd < sharp * spread) | (corner > most) for sharp, most in zip(_SHARP, _CORNERS, strict=False)
+        (support.sd < sharp * spread) | (corner > most) for sharp, most in zip(_SHARP, _CORNERS, strict=True)
     )
     # elsewhere the law of e_n, or that of kappa, has an end where the other one has mass
     over_kappa = is_sharper & support.is_closed & (likelihoods.e_n.inside > _E_CLEAR)
     over_kappa &= narrow <= _PANELS[-1]
-    over_e_n = ~over_kappa & (corner <= _CORNERS[1]) & (support.sd >= _SHARP[2] * spread)
+    over_e_n = ~over_kappa & (corner <= _CORNERS[1]) & (support.sd >= _TOO_SHARP * spread)
     found = []
     kinds = over_kappa, over_e_n & ~is_sharp, over_e_n & is_sharp
     for nodes, kind in zip((0, *_NODES), kinds, strict=True):
@@ -183,13 +184,7 @@ class _Gaps(NamedTuple):
             little = np.minimum(little * np.maximum(away**2, 1.0) ** (1.0 / 6.0), 1.0)
             needed = np.maximum(of_kappa, of_own) * little
             panels = np.where(width > 0.0, np.maximum(np.ceil(needed), 1.0), 0.0)
-            # walls may lie on one another
-            gap = np.where(width > 0.0, np.arange(width.shape[1]), -1)
-            before = np.maximum.accumulate(gap, axis=1)[:, :-1]
-            turn = np.abs(np.take_along_axis(slopes[1], before, axis=1) - slopes[0][:, 1:])
-            rise = sets.at(low, likelihoods.own)[:, 1:] - likelihoods.optima.chi2[:, None]
-            inside = (before >= 0) & (width[:, 1:] > 0.0)
-            corner = np.where(inside, 0.5 * turn * np.exp(-0.5 * rise), 0.0).max(axis=1)
+            corner = _corners(likelihoods, low, width, slopes)
         return cls(low, width, panels, corner)
 
     def for_friction(self, likelihoods: PlainLikelihoods) -> _Gaps:
@@ -200,6 +195,16 @@ class _Gaps(NamedTuple):
             needed = self.width / (_WIDEST_OF_E_N * relative * self.low)  # where kappa is least, at each
             panels = np.where(self.width > 0.0, np.maximum(np.ceil(needed), self.panels), 0.0)
         return self._replace(panels=panels)
+
+
+def _corners(likelihoods: PlainLikelihoods, low: Array, width: Array, slopes: Array) -> Array:
+    """The sharpest corner of kappa's density in each group, by the slopes of chi2 at the ends of gaps."""
+    gap = np.where(width > 0.0, np.arange(width.shape[1]), -1)
+    before = np.maximum.accumulate(gap, axis=1)[:, :-1]  # of each the last one; walls may lie on one another
+    turn = np.abs(np.take_along_axis(slopes[1], before, axis=1) - slopes[0][:, 1:])
+    rise = likelihoods.sets.at(low, likelihoods.own)[:, 1:] - likelihoods.optima.chi2[:, None]
+    inside = (before >= 0) & (width[:, 1:] > 0.0)
+    return np.asarray(np.where(inside, 0.5 * turn * np.exp(-0.5 * rise), 0.0).max(axis=1))
 
 
 @dataclass(frozen=True)
