@@ -52,7 +52,7 @@ def _telling(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _check_probability(p: ArrayLike = 0.5) -> None:
-    wrong = [each for each in np.atleast_1d(np.asarray(p, dtype=float)).ravel() if not 0.0 <= each <= 1.0]
+    wrong = [each for each in np.asarray(p, dtype=float).ravel().tolist() if not 0.0 <= each <= 1.0]
     if wrong:
         raise UsageError(f"quantile: {wrong[0]:g} is no probability. Give p from 0 to 1, as 0.975.")
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Rows
@@ -96,6 +95,8 @@ class CommonLikelihood:
         return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
     def _of_dense(self, theta: Array) -> Array:
+        from scipy.linalg import solve_triangular  # no other fit needs it
+
         factor, found = self._dense_factor, np.empty(len(theta))
         log_root = float(np.log(np.diag(factor)).sum()) + len(factor) * _HALF_LOG_2PI
         step = max(1, _AT_ONCE // len(factor))

@@ -20,9 +20,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.constants_density import FactorisedDensity, SeriesFactor
-from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
+from ifrfit.inference.posterior.importance_posterior import TARGET, ImportancePosterior
 from ifrfit.inference.posterior.importance_sampling import (
-    TARGET,
     EvidenceByDraws,
     known_modes,
     noise_marginals,

@@ -24,6 +24,7 @@ from ifrfit.inference.posterior.marginals import Marginal
 
 Array = NDArray[np.float64]
 
+TARGET = 0.02  # standard error at which sampling ends
 ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
 
 

@@ -29,7 +29,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_o
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.discrete_law import DiscreteLaw
 from ifrfit.inference.posterior.grid_settings import fits_at_modes
-from ifrfit.inference.posterior.importance_posterior import ROUGHLY, ImportancePosterior
+from ifrfit.inference.posterior.importance_posterior import ROUGHLY, TARGET, ImportancePosterior
 from ifrfit.inference.posterior.importance_weights import (
     REPLICATES,
     believed_evidence,
@@ -48,7 +48,6 @@ from ifrfit.inference.posterior.proposal_adaptation import (
 
 Array = NDArray[np.float64]
 
-TARGET = 0.02  # standard error at which sampling ends
 _FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are integrated out
 # Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
 # to count as converged, and in any case

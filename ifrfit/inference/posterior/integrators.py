@@ -6,6 +6,7 @@ Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
@@ -20,19 +21,15 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
 from ifrfit.inference.posterior.constants_density import factorises
-from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries, sample_by_series
-from ifrfit.inference.posterior.importance_posterior import ImportancePosterior
-from ifrfit.inference.posterior.importance_sampling import (
-    TARGET,
-    EvidenceByDraws,
-    EvidenceByImportance,
-    sample_by_importance,
-)
+from ifrfit.inference.posterior.importance_posterior import TARGET, ImportancePosterior
 from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 from ifrfit.inference.posterior.transition_quadrature import TransitionPosterior, transition_posterior
+
+if TYPE_CHECKING:
+    from ifrfit.inference.posterior.importance_sampling import EvidenceByDraws
 
 ExactPosterior = QuadraturePosterior | TransitionPosterior | ImportancePosterior | Mixture
 
@@ -139,12 +136,18 @@ def sampled_posterior(
     target : float
         Standard error, in sd, at which sampling ends.
     """
+    from ifrfit.inference.posterior.factorised_sampling import sample_by_series  # a plain fit starts without
+    from ifrfit.inference.posterior.importance_sampling import sample_by_importance
+
     sample = sample_by_series if factorises(problem) else sample_by_importance
     return sample(problem, start, seed, target=target)
 
 
 def evidence_by_draws(problem: Problem, start: LeastSquaresFit) -> EvidenceByDraws:
     """Points enough for the evidence; series by series where each has constants of its own."""
+    from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries  # as above
+    from ifrfit.inference.posterior.importance_sampling import EvidenceByImportance
+
     return EvidenceBySeries(problem, start) if factorises(problem) else EvidenceByImportance(problem, start)
 
 

@@ -41,6 +41,8 @@ _THRESHOLDS = 256  # of a distribution function at once
 _NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
 _HALF_DENSITY = 0.5 * np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
 _ENDS = np.array([LEVELS[0], LEVELS[-1]])
+_OF_TAIL = 0.4  # of the tolerance, in the probability beyond a quantile: 0.17 sd of it at 2.5 %
+_FURTHEST = 1e-12  # such a probability
 _BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousandth of the probability
 _NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
 _ORDER = 24  # of the rules in the logarithm of sigma
@@ -109,15 +111,17 @@ class Marginal:
     def quantiles(self, p: Array, tolerance: float) -> Array:
         """Where the distribution function takes the values p; an open end is cut 1e6 sd above the mean."""
         mean, sd = self.moments(0)
+        tail = min(float(p[p.argmin()]), 1.0 - float(p[p.argmax()]))
+        accuracy = tolerance * min(_OF_TAIL * max(tail, _FURTHEST), 1e-2)
         if self.kinks is None and sd > 0.0:
             at, reached = self.at_normal_places
-            found = quantiles_near_normal(
-                lambda t: self.cdf(t, 1)[0], p, (self.low, self.high), at, reached[0], 1e-3 * tolerance
-            )
+            ends = self.low, self.high
+            found = quantiles_near_normal(lambda t: self.cdf(t, 1)[0], p, ends, at, reached[0], accuracy)
             if found is not None:
                 return found
         high = self.high if math.isfinite(self.high) else mean + 1e6 * sd
-        return quantiles(lambda t: self.cdf(t, 1)[0], p, self.low, high, mean, sd, 1e-3 * tolerance)
+        accuracy = min(accuracy, 1e-3 * tolerance)
+        return quantiles(lambda t: self.cdf(t, 1)[0], p, self.low, high, mean, sd, accuracy)
 
     def at_levels(self, tolerance: float) -> Array:
         """Quantiles at `LEVELS`, worked out once."""

@@ -31,6 +31,9 @@ _LEAST = 1e-15  # probability told from none
 _STEPS = 60  # of the safe search at most
 _SECANTS = 6  # after which a distribution function is none for secants
 _SPACING = 0.02  # between places at which a polynomial takes it, where a normal law is a straight line
+# relative error of a slope: the polynomial's, and that of a secant over the miss before; of 900 marginals of
+# 150 random tables the largest were 0.11 and 11.5
+_OF_POLYNOMIAL, _OF_SECANTS = 0.2, 20.0
 _RESOLVED = 0.1  # of the slope before, below which a secant is rounding
 # where distribution functions are tabled, in sd about the mean
 _SUPPORT = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 5.0, 7.0, 12.0, 30.0]))
@@ -363,7 +366,7 @@ def quantiles_near_normal(
     at, reached : ndarray, (k,)
         Places, ascending, and the probabilities below them.
     accuracy : float
-        Of the probabilities.
+        Of the probabilities: of what the last step leaves, by the error of its slope.
 
     Returns
     -------
@@ -377,6 +380,7 @@ def quantiles_near_normal(
         return None
     x, slope = _polynomial_through(places, at.tolist(), target)
     before: tuple[Array, Array] | None = None
+    slope_error = _OF_POLYNOMIAL
     for _ in range(_SECANTS):
         is_inside = x[x.argmin()] > ends[0] and x[x.argmax()] < ends[1]
         if not (slope[slope.argmin()] > 0.0 and is_inside):
@@ -390,8 +394,11 @@ def quantiles_near_normal(
         before = own, x
         x = x + (target - own) * slope
         off = np.abs(found - p)
-        if off[off.argmax()] <= accuracy:  # and one step better
+        worst = float(off[off.argmax()])
+        # what this step leaves
+        if worst * slope_error <= accuracy:
             return np.asarray(np.minimum(np.maximum(x, ends[0]), ends[1]))
+        slope_error = min(_OF_SECANTS * worst, _OF_POLYNOMIAL)
     return None
 
 
