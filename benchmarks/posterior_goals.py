@@ -94,8 +94,8 @@ def _held(key: str, goal: str, reached: float | None, most: float, samplers: Seq
     if emcee is None:
         return f"{goal}: {_ms(reached)}", reached <= most
     wanted, times = EMCEE_S[key] / most, emcee.time_s / reached
-    where = f"where {EMCEE} takes {EMCEE_S[key]:g} s, {wanted:.0f} times as long"
-    return f"{goal} {where}: {times:.0f} ({_ms(reached)} against {emcee.time_s:.2f} s)", times >= wanted
+    where = f"where {EMCEE} takes {EMCEE_S[key]:g} s, {_times(wanted)} times as long"
+    return f"{goal} {where}: {_times(times)} ({_ms(reached)} against {emcee.time_s:.2f} s)", times >= wanted
 
 
 def _emcee(samplers: Sequence[Row]) -> Row | None:
@@ -148,6 +148,10 @@ def _fastest(exact: Sequence[Row], error: float, whole: bool) -> float | None:
         if row.error is not None and row.error <= error
     ]
     return min(times, default=None)
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2f}"
 
 
 def _ms(seconds: float) -> str:
