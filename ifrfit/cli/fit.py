@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -109,6 +108,8 @@ def _unfinished(out: Path | None) -> Path:
     if out is not None:
         place = out.resolve()
         return place.with_name(f"{place.name}.unfinished")
+    import hashlib  # `ifrfit --help` answers without
+
     return Path(f"ifrfit-{hashlib.sha256(command_line().encode()).hexdigest()[:8]}.unfinished")
 
 
