@@ -328,9 +328,8 @@ def main() -> None:
                 print(f"| {size} | {says} | {seconds:.3f} | {elapsed:.3f} | {memory:.2f} |", flush=True)
             if number == 0:
                 text = path.with_suffix(".csv")
-                run(
-                    _CSV, n, path, str(text)
-                )  # in a process of its own: those that follow begin with our memory
+                # in a process of its own: those that follow begin with the memory of this one
+                run(_CSV, n, path, str(text))
                 says = "whole fit, exact, from CSV"
                 ((seconds, elapsed, memory),) = least([(says, _FIT, "exact")], n, text)
                 print(f"| {size} | {says} | {seconds:.2f} | {elapsed:.2f} | {memory:.2f} |", flush=True)

@@ -6,6 +6,7 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,7 +44,6 @@ class _Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is asked for, with its options."""
-        keep_freed_memory()
         name, found, rest = super().resolve_command(ctx, args)
         if name in _SHARED:
             found = get_command(_alone(_SHARED[name]))
@@ -209,8 +209,6 @@ def keep_freed_memory() -> None:
     That is up to a quarter of the seconds of a fit. Of glibc alone; elsewhere nothing happens.
     """
     with contextlib.suppress(OSError, AttributeError):
-        import ctypes  # `ifrfit --help` answers without
-
         libc = ctypes.CDLL("libc.so.6")
         libc.mallopt(_TRIM, _KEPT)
         libc.mallopt(_MMAP, _FROM_HEAP)
@@ -218,5 +216,6 @@ def keep_freed_memory() -> None:
 
 def main() -> None:
     """Entry point."""
+    keep_freed_memory()
     heed_termination()
     app()

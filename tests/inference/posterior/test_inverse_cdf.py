@@ -92,7 +92,7 @@ def test_quantiles_are_within_the_tolerance(law: Any, tolerance: float, p: tuple
 
 
 def test_few_values_of_a_nearly_normal_law_are_enough() -> None:
-    """With the miss of a value the error of the next one is known: 7 places and 5 levels, twice."""
+    """With the miss of a value the error of the next one is known: 7 places, and 5 levels twice at most."""
     law, asked = stats.gamma(40.0), []
 
     def cdf(t: np.ndarray, levels: int) -> np.ndarray:
