@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from ifrfit.cli.main import app
 

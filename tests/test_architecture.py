@@ -42,7 +42,7 @@ UNNEEDED = (
         for part in ("campaign", "cli", "cost", "exporters", "paper", "report", "simulation")
     ),
     *(f"ifrfit.inference.{part}." for part in ("appraise", "bootstrap", "comparison", "mcmc")),
-    *(f"{package}." for package in ("arviz", "emcee", "jinja2", "lmfit", "matplotlib", "typer")),
+    *(f"{package}." for package in ("arviz", "emcee", "jinja2", "lmfit", "matplotlib", "click")),
 )
 
 

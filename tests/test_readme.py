@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from matplotlib import pyplot
-from typer.testing import CliRunner
 
 import ifrfit
 from ifrfit.cli.main import app

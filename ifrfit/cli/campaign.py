@@ -2,64 +2,63 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ifrfit.cli.completion import completer
-from ifrfit.cli.grouped_help import DATA, METHOD
-from ifrfit.cli.options import Scheduler, SharedCommand, Workers, command_line
-from ifrfit.cli.output import Quiet, interrupted, say, working
+from ifrfit.cli.options import SharedCommand, command_line, scheduler_option, workers_option
+from ifrfit.cli.output import interrupted, quiet_option, say, working
+from ifrfit.cli.parameters import DATA, METHOD, PATH, flag, option
 from ifrfit.errors import UsageError
 
 _WORK = "ifrfit.campaign.many_groups.plain_groups"  # of the workers
 
 
-@partial(SharedCommand)
+@SharedCommand
+@option(
+    "--by",
+    required=True,
+    metavar="NAME,...",
+    help="Columns that form the groups; 'file' is the name of the file.",
+    group=DATA,
+)
+@option(
+    "--out",
+    required=True,
+    type=PATH,
+    metavar="DIR",
+    help="Write campaign.json, results.parquet and index.html there.",
+)
+@option(
+    "--method",
+    default="exact",
+    metavar="NAME",
+    help="exact, lsq or profile.",
+    complete=completer(lambda: ("exact", "lsq", "profile")),
+    group=METHOD,
+)
+@option(
+    "--facts/--no-facts",
+    default=True,
+    help="Look for slips, effects and lack of fit in each group.",
+    group=METHOD,
+)
+@workers_option
+@scheduler_option
+@flag("--resume", help="Go on with an unfinished campaign.", group=METHOD)
+@flag("--force", help="Replace an earlier campaign in DIR; without --resume an unfinished one, too.")
+@quiet_option
 def campaign(
     question: dict[str, Any],
-    by: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME,...",
-            help="Columns that form the groups; 'file' is the name of the file.",
-            rich_help_panel=DATA,
-        ),
-    ],
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Write campaign.json, results.parquet and index.html there.")
-    ],
-    method: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="exact, lsq or profile.",
-            autocompletion=completer(lambda: ("exact", "lsq", "profile")),
-            rich_help_panel=METHOD,
-        ),
-    ] = "exact",
-    facts: Annotated[
-        bool,
-        typer.Option(
-            "--facts/--no-facts",
-            help="Look for slips, effects and lack of fit in each group.",
-            rich_help_panel=METHOD,
-        ),
-    ] = True,
-    workers: Workers = 1,
-    scheduler: Scheduler = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with an unfinished campaign.", rich_help_panel=METHOD)
-    ] = False,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force", help="Replace an earlier campaign in DIR; without --resume an unfinished one, too."
-        ),
-    ] = False,
-    quiet: Quiet = False,
+    by: str,
+    out: Path,
+    method: str,
+    facts: bool,
+    workers: int,
+    scheduler: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
 ) -> None:
     """Constants of thousands of groups of impacts, and of the population they are drawn from."""
     from ifrfit.campaign.report.contents import CAMPAIGN, unfinished

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ifrfit.cli.completion import completer
-from ifrfit.cli.grouped_help import METHOD, MODEL
 from ifrfit.cli.options import (
-    Repeated,
-    Scheduler,
     SharedCommand,
-    Workers,
     are_streamed,
     command_line,
+    scheduler_option,
     words,
+    workers_option,
 )
-from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
+from ifrfit.cli.output import (
+    insist,
+    interrupted,
+    quiet_option,
+    show,
+    verbose_option,
+    verbosely,
+    working,
+)
+from ifrfit.cli.parameters import METHOD, MODEL, PATH, flag, option
 
 
 def _closures() -> Iterable[str]:
@@ -30,43 +35,43 @@ def _closures() -> Iterable[str]:
 
 
 @partial(SharedCommand, closure=False)
+@option(
+    "--closure",
+    multiple=True,
+    metavar="NAME,...",
+    help="Closures to compare.  [repeatable; default: all there are]",
+    complete=completer(_closures, "words"),
+    group=MODEL,
+)
+@option(
+    "--loo/--no-loo",
+    default=True,
+    help="Cross-validate by leaving impacts out; slower.",
+    group=METHOD,
+)
+@workers_option
+@scheduler_option
+@option("--out", type=PATH, metavar="DIR", help="Write compare.json, .svg and .png there.")
+@flag("--force", help="Replace an earlier comparison in DIR.")
+@flag("--json", "as_json", help="compare.json on standard output, nothing else.")
+@quiet_option
+@verbose_option
+@flag(
+    "--strict",
+    help="Exit with 4 if an evidence did not converge, or a fact of the best closure fails (LOOK).",
+)
 def compare(
     question: dict[str, Any],
-    closure: Annotated[
-        Repeated,
-        typer.Option(
-            metavar="NAME,...",
-            help="Closures to compare.  [repeatable; default: all there are]",
-            autocompletion=completer(_closures, "words"),
-            rich_help_panel=MODEL,
-        ),
-    ] = [],  # noqa: B006
-    loo: Annotated[
-        bool,
-        typer.Option(
-            "--loo/--no-loo",
-            help="Cross-validate by leaving impacts out; slower.",
-            rich_help_panel=METHOD,
-        ),
-    ] = True,
-    workers: Workers = 1,
-    scheduler: Scheduler = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write compare.json, .svg and .png there.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier comparison in DIR.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="compare.json on standard output, nothing else.")
-    ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Exit with 4 if an evidence did not converge, or a fact of the best closure fails (LOOK).",
-        ),
-    ] = False,
+    closure: list[str],
+    loo: bool,
+    workers: int,
+    scheduler: str | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    strict: bool,
 ) -> None:
     """Closures side by side: which of them the data prefer."""
     from ifrfit.inference.comparison.compare import ComparisonInterrupted

@@ -3,45 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ifrfit.cli.completion import completer
-from ifrfit.cli.grouped_help import METHOD
-from ifrfit.cli.options import Repeated, SharedCommand, command_line, words
-from ifrfit.cli.output import Verbose, show, verbosely, working
+from ifrfit.cli.options import SharedCommand, command_line, words
+from ifrfit.cli.output import show, verbose_option, verbosely, working
+from ifrfit.cli.parameters import METHOD, PATH, flag, option
 from ifrfit.errors import UsageError
 
 
 @SharedCommand
+@option(
+    "--kind",
+    multiple=True,
+    metavar="KIND,...",
+    help="inference, physics or arithmetic.  [repeatable; default: all three]",
+    complete=completer(lambda: ("inference", "physics", "arithmetic"), "words"),
+    group=METHOD,
+)
+@flag("--quick", help="Fewer settings and repeats: seconds.", group=METHOD)
+@option("--out", type=PATH, metavar="DIR", help="Write cost.csv and the diagrams there.")
+@flag("--force", help="Replace earlier costs in DIR.")
+@flag(
+    "--json",
+    "as_json",
+    help="cost.csv and what follows from it as JSON on standard output, nothing else.",
+)
+@flag("--quiet", help="Say nothing but errors; needs --out.")
+@verbose_option
 def cost(
     question: dict[str, Any],
-    kind: Annotated[
-        Repeated,
-        typer.Option(
-            metavar="KIND,...",
-            help="inference, physics or arithmetic.  [repeatable; default: all three]",
-            autocompletion=completer(lambda: ("inference", "physics", "arithmetic"), "words"),
-            rich_help_panel=METHOD,
-        ),
-    ] = [],  # noqa: B006
-    quick: Annotated[
-        bool,
-        typer.Option("--quick", help="Fewer settings and repeats: seconds.", rich_help_panel=METHOD),
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace earlier costs in DIR.")] = False,
-    as_json: Annotated[
-        bool,
-        typer.Option(
-            "--json", help="cost.csv and what follows from it as JSON on standard output, nothing else."
-        ),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
-    verbose: Verbose = False,
+    kind: list[str],
+    quick: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
 ) -> None:
     """What accuracy costs in time, measured now, on your data."""
     if quiet and out is None and not as_json:

@@ -3,41 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from ifrfit.cli.options import Repeated, pairs
+from ifrfit.cli.options import pairs
 from ifrfit.cli.output import command
+from ifrfit.cli.parameters import NOT_NEGATIVE, PATH, argument, flag, option
 
 
+@argument("result", type=PATH, metavar="RESULT.json", help="Of ifrfit fit.")
+@option(
+    "--to", required=True, metavar="TARGET", help="Which simulator or language; any other word lists all."
+)
+@option(
+    "--draws", type=NOT_NEGATIVE, default=0, metavar="N", help="Append a table of so many posterior draws."
+)
+@option("--angle", type=float, metavar="DEG", help="Incidence angle at which openfoam and dynamo match.")
+@option("--speed", type=float, metavar="M_S", help="Normal speed at which mujoco, pybullet and drake match.")
+@option("--fix", multiple=True, metavar="NAME=VALUE", help="Your value of a constant that is not determined.")
+@option("--series", metavar="NAME", help="Whose constants, if separate.")
+@option("--out", type=PATH, metavar="FILE", help="Write there instead of to standard output.")
+@flag("--force", help="Replace an earlier export in FILE.")
+@option("--seed", type=NOT_NEGATIVE, default=0, metavar="N", help="Seed of the draws.")
 @command
 def export(
-    result: Annotated[Path, typer.Argument(metavar="RESULT.json")],
-    to: Annotated[
-        str, typer.Option(metavar="TARGET", help="Which simulator or language; any other word lists all.")
-    ],
-    draws: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Append a table of so many posterior draws.")
-    ] = 0,
-    angle: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="Incidence angle at which openfoam and dynamo match."),
-    ] = None,
-    speed: Annotated[
-        float | None,
-        typer.Option(metavar="M_S", help="Normal speed at which mujoco, pybullet and drake match."),
-    ] = None,
-    fix: Annotated[
-        Repeated,
-        typer.Option(metavar="NAME=VALUE", help="Your value of a constant that is not determined."),
-    ] = [],  # noqa: B006
-    series: Annotated[str | None, typer.Option(metavar="NAME", help="Whose constants, if separate.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write there instead of to standard output.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier export in FILE.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 0,
+    result: Path,
+    to: str,
+    draws: int,
+    angle: float | None,
+    speed: float | None,
+    fix: list[str],
+    series: str | None,
+    out: Path | None,
+    force: bool,
+    seed: int,
 ) -> None:
     """Constants of a result as a simulator takes them, with what is lost on the way."""
     from ifrfit.exporters.export import export as run
@@ -51,7 +50,7 @@ def export(
         load_result(result), to, draws=draws, angle=angle, speed=speed, series=series, fix=own, seed=seed
     )
     if out is None:
-        typer.echo(text, nl=False)
+        click.echo(text, nl=False)
         return
     write_export(text, out, force=force)
-    typer.echo(f"written: {out}")
+    click.echo(f"written: {out}")

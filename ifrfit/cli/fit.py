@@ -5,13 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from ifrfit.cli.grouped_help import METHOD
 from ifrfit.cli.options import SharedCommand, are_streamed, command_line
-from ifrfit.cli.output import Quiet, Verbose, insist, interrupted, show, verbosely, working
+from ifrfit.cli.output import (
+    insist,
+    interrupted,
+    quiet_option,
+    show,
+    verbose_option,
+    verbosely,
+    working,
+)
+from ifrfit.cli.parameters import METHOD, PATH, flag, option
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,29 +25,26 @@ if TYPE_CHECKING:
 
 
 @partial(SharedCommand, methods=True, ties=True)
+@flag(
+    "--intervals",
+    help="Compare intervals by covariance, profile and exact posterior.",
+    group=METHOD,
+)
+@option("--out", type=PATH, metavar="DIR", help="Write result.json, figures and report.html there.")
+@flag("--force", help="Replace an earlier result in DIR.")
+@flag("--json", "as_json", help="result.json on standard output, nothing else.")
+@quiet_option
+@verbose_option
+@flag("--strict", help="Exit with 4 if a constant is not determined, or a fact fails (LOOK).")
 def fit(
     question: dict[str, Any],
-    intervals: Annotated[
-        bool,
-        typer.Option(
-            "--intervals",
-            help="Compare intervals by covariance, profile and exact posterior.",
-            rich_help_panel=METHOD,
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="result.json on standard output, nothing else.")
-    ] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    strict: Annotated[
-        bool,
-        typer.Option("--strict", help="Exit with 4 if a constant is not determined, or a fact fails (LOOK)."),
-    ] = False,
+    intervals: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+    strict: bool,
 ) -> None:
     """Constants from tables of impacts, with uncertainties."""
     from ifrfit.inference.fit import fit as run

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
-from typer.core import TyperCommand
+import click
 
-DATA, MODEL, NOISE, METHOD, OUTPUT = "Data", "Model", "Noise", "Method", "Output"
+from ifrfit.cli.parameters import DATA, METHOD, MODEL, NOISE, OUTPUT
+
 _GROUPS = (DATA, MODEL, NOISE, METHOD, OUTPUT)
 
 # a short default that stands in brackets is not broken into two lines
@@ -18,26 +18,28 @@ _NO_BREAK = "\N{NO-BREAK SPACE}"
 WIDEST = {"max_content_width": 120}
 
 
-class GroupedCommand(TyperCommand):
-    """A command whose help has a section for each group of options, in a fixed order.
+class Command(click.Command):
+    """A command whose help says what its arguments are."""
 
-    The group is what typer calls a panel (`rich_help_panel`); panels are drawn by rich, whose import alone
-    takes longer than all of the help. What names no group is about the output.
-    """
+    def format_arguments(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write them under the heading that the groups of options have, too."""
+        arguments = [each for each in self.get_params(ctx) if isinstance(each, click.Argument)]
+        if arguments:
+            with formatter.section("Arguments"):
+                formatter.write_dl([each.get_help_record(ctx) for each in arguments])
 
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write arguments, then the groups."""
-        arguments: list[tuple[str, str]] = []
+
+class GroupedCommand(Command):
+    """A command whose help has a section for each group of options, in a fixed order."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the groups."""
         groups: dict[str, list[tuple[str, str]]] = {name: [] for name in _GROUPS}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
-            if record is None:
-                continue
-            if parameter.param_type_name == "argument":
-                arguments.append((record[0].split()[0], record[1]))  # without its type
-            else:
-                groups.setdefault(getattr(parameter, "rich_help_panel", None) or OUTPUT, []).append(record)
-        for name, records in {"Arguments": arguments, **groups}.items():
+            if record is not None and not isinstance(parameter, click.Argument):
+                groups.setdefault(getattr(parameter, "group", OUTPUT), []).append(record)
+        for name, records in groups.items():
             if records:
                 with formatter.section(name):
                     formatter.write_dl(
@@ -48,3 +50,13 @@ class GroupedCommand(TyperCommand):
 
 def _unbroken(default: re.Match[str]) -> str:
     return default[0].replace(" ", _NO_BREAK)
+
+
+class Group(click.Group):
+    """Commands, listed in the order in which they are defined."""
+
+    command_class = Command
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands."""
+        return list(self.commands)

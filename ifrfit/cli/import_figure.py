@@ -5,86 +5,75 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
 from ifrfit.cli.completion import completer
-from ifrfit.cli.options import Repeated, command_line, offered_conventions
+from ifrfit.cli.options import command_line, offered_conventions
 from ifrfit.cli.output import command
-from ifrfit.cli.track_options import (
-    Acceleration,
-    Contact,
-    Fps,
-    Frames,
-    IsTracks,
-    PixelSize,
-    Radius,
-    given_of_tracks,
-    refuse_given,
-)
+from ifrfit.cli.parameters import PATH, argument, flag, option
+from ifrfit.cli.track_options import given_of_tracks, refuse_given, track_options
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
     from ifrfit.data import Observations
 
 
+@argument(
+    "file",
+    type=PATH,
+    metavar="FILE",
+    help="A project of WebPlotDigitizer (.json, .tar) or Engauge Digitizer (.dig), points as CSV, or tracks.",
+)
+@option("--x", metavar="HEADER", help="What the x axis is, as gamma_deg.")
+@option("--y", metavar="HEADER", help="What the y axis is, as beta.")
+@option("--axes", metavar="NAME", help="Which axes, where several have points.")
+@option(
+    "--dataset",
+    multiple=True,
+    metavar="NAME",
+    help="Which dataset or curve; repeatable, by default all.",
+)
+@option(
+    "--series",
+    multiple=True,
+    metavar="NAME",
+    help="The series that each dataset is; repeatable, by default as the dataset.",
+)
+@option(
+    "--pixels", type=float, metavar="N", help="Standard error of a click in each direction, by default 1."
+)
+@option(
+    "--bars",
+    metavar="sigma|2sigma|95%",
+    help="What half an error bar is; by default bars are left out.",
+)
+@option(
+    "--convention",
+    multiple=True,
+    metavar="NAME=CHOICE",
+    help="How an axis is meant, as angle=from-wall; 'ifrfit conventions' lists all.",
+    complete=completer(offered_conventions),
+)
+@track_options
+@option("--out", type=PATH, metavar="FILE.csv", help="Write there; by default on standard output.")
+@flag("--force", help="Replace FILE.csv.")
 @command
 def import_figure(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="A project of WebPlotDigitizer (.json, .tar) or Engauge Digitizer (.dig), "
-            "points as CSV, or tracks."
-        ),
-    ],
-    x: Annotated[
-        str | None, typer.Option("--x", metavar="HEADER", help="What the x axis is, as gamma_deg.")
-    ] = None,
-    y: Annotated[
-        str | None, typer.Option("--y", metavar="HEADER", help="What the y axis is, as beta.")
-    ] = None,
-    axes: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which axes, where several have points.")
-    ] = None,
-    dataset: Annotated[
-        Repeated, typer.Option(metavar="NAME", help="Which dataset or curve; repeatable, by default all.")
-    ] = [],  # noqa: B006
-    series: Annotated[
-        Repeated,
-        typer.Option(
-            metavar="NAME", help="The series that each dataset is; repeatable, by default as the dataset."
-        ),
-    ] = [],  # noqa: B006
-    pixels: Annotated[
-        float | None,
-        typer.Option(metavar="N", help="Standard error of a click in each direction, by default 1."),
-    ] = None,
-    bars: Annotated[
-        str | None,
-        typer.Option(
-            metavar="sigma|2sigma|95%", help="What half an error bar is; by default bars are left out."
-        ),
-    ] = None,
-    convention: Annotated[
-        Repeated,
-        typer.Option(
-            metavar="NAME=CHOICE",
-            help="How an axis is meant, as angle=from-wall; 'ifrfit conventions' lists all.",
-            autocompletion=completer(offered_conventions),
-        ),
-    ] = [],  # noqa: B006
-    tracks: IsTracks = False,
-    fps: Fps = None,
-    pixel: PixelSize = None,
-    radius: Radius = None,
-    contact: Contact = None,
-    frames: Frames = None,
-    acceleration: Acceleration = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write there; by default on standard output.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace FILE.csv.")] = False,
+    file: Path,
+    x: str | None,
+    y: str | None,
+    axes: str | None,
+    dataset: list[str],
+    series: list[str],
+    pixels: float | None,
+    bars: str | None,
+    convention: list[str],
+    tracks: bool,
+    out: Path | None,
+    force: bool,
+    **about_tracks: Any,
 ) -> None:
     """Points of a figure, or tracks of a camera, as a table.
 
@@ -101,20 +90,12 @@ def import_figure(
         "pixels": pixels,
         "bars": bars,
     }
-    of_tracks = given_of_tracks(
-        tracks,
-        fps=fps,
-        pixel=pixel,
-        radius=radius,
-        contact=contact,
-        frames=frames,
-        acceleration=acceleration,
-    )
+    of_tracks = given_of_tracks(tracks, **about_tracks)
     found = _read(file, of_figure, of_tracks, convention)
     source = found.sources[0]
     text = table_text(found, [f"made by {command_line()}", f"from {source.name}, SHA-256 {source.sha256}"])
     if out is None:
-        typer.echo(text, nl=False)
+        click.echo(text, nl=False)
         return
     write_text(text, out, force=force)
     counts = found.table.groupby("series", sort=False)["impact_id"].agg(["size", "nunique"])
@@ -122,12 +103,12 @@ def import_figure(
         f"{impacts} impacts of {name}" if tracks else f"{size} points of {name}"
         for name, size, impacts in counts.itertuples()
     ]
-    typer.echo(f"{out}: {', '.join(words)}")
+    click.echo(f"{out}: {', '.join(words)}")
     for note in found.notes:
-        typer.echo(f"  note  {note}")
+        click.echo(f"  note  {note}")
     if tracks:
         # a velocity that is wrong by chance turns the angle and the spin before impact, too
-        typer.echo(f"go on with: {shlex.join(['ifrfit', 'fit', str(out), '--angle-errors', 'effective'])}")
+        click.echo(f"go on with: {shlex.join(['ifrfit', 'fit', str(out), '--angle-errors', 'effective'])}")
 
 
 def _read(

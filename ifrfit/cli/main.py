@@ -8,25 +8,25 @@ from __future__ import annotations
 import contextlib
 import ctypes
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from typer.core import TyperGroup
-from typer.main import get_command
+import click
 
 from ifrfit._version import __version__
 from ifrfit.cli.campaign import campaign
 from ifrfit.cli.check import check
 from ifrfit.cli.compare import compare
+from ifrfit.cli.completion_script import completion_options
 from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.export import export
 from ifrfit.cli.fit import fit
-from ifrfit.cli.grouped_help import DATA, MODEL, WIDEST, GroupedCommand
+from ifrfit.cli.grouped_help import WIDEST, Command, Group, GroupedCommand
 from ifrfit.cli.import_figure import import_figure
 from ifrfit.cli.materials import materials
-from ifrfit.cli.options import Repeated, SharedCommand, numbers
+from ifrfit.cli.options import SharedCommand, numbers
 from ifrfit.cli.output import command, status, text_width
+from ifrfit.cli.parameters import DATA, MODEL, PATH, argument, flag, option
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.cli.stop_signals import heed_termination
@@ -35,83 +35,70 @@ from ifrfit.errors import UsageError
 _SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "campaign": campaign, "cost": cost}
 
 
-class _Commands(TyperGroup):
+class _Commands(Group):
     """Commands, of which those that put a question to data look their options up when they are asked for.
 
     The options come from the registries, which import a good part of the library and the packages that plug
     in: `ifrfit --help` lists the commands without them.
     """
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """The command that is asked for, with its options."""
         name, found, rest = super().resolve_command(ctx, args)
-        if name in _SHARED:
-            found = get_command(_alone(_SHARED[name]))
-            found.name = name
-        return name, found, rest
+        return name, _SHARED[name].made(name) if name in _SHARED else found, rest
+
+    def list_shared(self, name: str) -> None:
+        """List one of them; `resolve_command` makes it."""
+        self.add_command(Command(name, help=_SHARED[name].__doc__))
 
 
-def _alone(shared: SharedCommand) -> typer.Typer:
-    """One command as an application of its own."""
-    made = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
-    run: Any = command(shared)
-    run.__signature__ = shared.__signature__  # once: typer would make it of all registries four times
-    made.command(cls=GroupedCommand, context_settings=WIDEST)(run)
-    return made
-
-
-def _listed() -> None:
-    """A command that is only listed; `_Commands` puts the real one in its place."""
-
-
-app = typer.Typer(
-    name="ifrfit",
+@click.group(
     cls=_Commands,
-    help="Fit restitution and friction constants to measured impacts of spheres on walls.",
     no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
     context_settings=WIDEST,
 )
-app.add_typer(datasets, name="datasets")
-app.add_typer(materials, name="materials")
+@click.version_option(
+    __version__, prog_name="ifrfit", message="%(prog)s %(version)s", help="Show the version."
+)
+@completion_options
+def app() -> None:
+    """Fit restitution and friction constants to measured impacts of spheres on walls."""
 
-app.command("fit", help=fit.__doc__)(_listed)
-app.command("compare", help=compare.__doc__)(_listed)
-app.command("campaign", help=campaign.__doc__)(_listed)
+
+app.list_shared("fit")
+app.list_shared("compare")
+app.list_shared("campaign")
 
 
 @app.command(cls=GroupedCommand)
+@argument("result", type=PATH, metavar="RESULT.json", help="Of ifrfit fit.")
+@option(
+    "--gamma", required=True, metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.", group=DATA
+)
+@option("--spin-x", type=float, default=0.0, metavar="S", help="R omega_x/u before.", group=DATA)
+@option(
+    "--spin-y",
+    type=float,
+    default=0.0,
+    metavar="S",
+    help="R omega_y/u before; back-spin is positive.",
+    group=DATA,
+)
+@option(
+    "--observable",
+    multiple=True,
+    metavar="NAME",
+    help="What to predict.  [repeatable; default: what was fitted]",
+)
+@option(
+    "--series",
+    metavar="NAME",
+    help="Whose constants and noise.  [default: those that all share]",
+    group=MODEL,
+)
 @command
 def predict(
-    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Of ifrfit fit.")],
-    gamma: Annotated[
-        str,
-        typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.", rich_help_panel=DATA),
-    ],
-    spin_x: Annotated[
-        float, typer.Option(metavar="S", help="R omega_x/u before.", rich_help_panel=DATA)
-    ] = 0.0,
-    spin_y: Annotated[
-        float,
-        typer.Option(metavar="S", help="R omega_y/u before; back-spin is positive.", rich_help_panel=DATA),
-    ] = 0.0,
-    observable: Annotated[
-        Repeated,
-        typer.Option(
-            metavar="NAME",
-            help="What to predict.  [repeatable; default: what was fitted]",
-            show_default=False,
-        ),
-    ] = [],  # noqa: B006
-    series: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Whose constants and noise.  [default: those that all share]",
-            rich_help_panel=MODEL,
-        ),
-    ] = None,
+    result: Path, gamma: str, spin_x: float, spin_y: float, observable: list[str], series: str | None
 ) -> None:
     """Values with credible and predictive intervals, as CSV."""
     import pandas as pd
@@ -129,23 +116,22 @@ def predict(
         table.insert(0, "observable", name)
         tables.append(table)
     for warning in dict.fromkeys(text for table in tables for text in table.attrs["warnings"]):
-        typer.echo(f"ifrfit: {warning}", err=True)
-    typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
+        click.echo(f"ifrfit: {warning}", err=True)
+    click.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
 
 
-app.command(cls=GroupedCommand)(command(report))
+app.command(cls=GroupedCommand)(report)
 app.command()(export)
 
 
 @app.command()
+@flag("--raw", help="For velocities before and after.")
 @command
-def template(
-    raw: Annotated[bool, typer.Option("--raw", help="For velocities before and after.")] = False,
-) -> None:
+def template(raw: bool) -> None:
     """A commented CSV to fill in."""
     from ifrfit.data import template_text
 
-    typer.echo(template_text(raw), nl=False)
+    click.echo(template_text(raw), nl=False)
 
 
 @app.command()
@@ -155,48 +141,30 @@ def conventions() -> None:
     from ifrfit.data.convention_meanings import convention_lines
 
     for line in convention_lines(text_width()):
-        typer.echo(line)
+        click.echo(line)
 
 
 @app.command()
+@option("--out", type=PATH, default="figures", metavar="DIR", help="Where figures and table go.")
+@option("--figure", multiple=True, metavar="NAME", help="Only this figure, as 5, 4a, A2.1 or kharaz.")
+@flag("--digitised-only", help="Leave out what rests on stand-ins or on no data.")
 @command
-def reproduce(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
-    figure: Annotated[
-        Repeated, typer.Option(metavar="NAME", help="Only this figure, as 5, 4a, A2.1 or kharaz.")
-    ] = [],  # noqa: B006
-    digitised_only: Annotated[
-        bool, typer.Option("--digitised-only", help="Leave out what rests on stand-ins or on no data.")
-    ] = False,
-) -> None:
+def reproduce(out: Path, figure: list[str], digitised_only: bool) -> None:
     """Redraw the paper's figures, and recover its constants."""
     from ifrfit.paper.reproduce import reproduce as run
 
     with status(False, "fitting and drawing") as shown:
         more = {} if shown is None else {"progress": shown.console.print}
         text = run(out, figures=figure, digitised_only=digitised_only, **more)
-    typer.echo(text, nl=False)
+    click.echo(text, nl=False)
 
 
 app.command(cls=GroupedCommand)(simulate)
-app.command("cost", help=cost.__doc__)(_listed)
+app.list_shared("cost")
 app.command("import")(import_figure)
 app.command()(check)
-
-
-def _version(requested: bool) -> None:
-    if requested:
-        typer.echo(f"ifrfit {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _main(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-) -> None:
-    pass
+app.add_command(datasets)
+app.add_command(materials)
 
 
 _TRIM, _MMAP = -1, -3  # M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of glibc's malloc.h

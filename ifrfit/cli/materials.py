@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import click
 
-import typer
-
+from ifrfit.cli.grouped_help import Group
 from ifrfit.cli.output import command
+from ifrfit.cli.parameters import argument
 
-materials = typer.Typer(
+materials = Group(
+    "materials",
     help="Published constants of pairs of materials, for --prior-from.",
     no_args_is_help=True,
-    rich_markup_mode=None,
 )
 
 
@@ -24,20 +24,19 @@ def materials_list() -> None:
     pairs = all_pairs()
     width = max(len(each.name) for each in pairs)
     for each in pairs:
-        typer.echo(f"{each.name:{width}}  {each.geometry:13}  {each.words}")
+        click.echo(f"{each.name:{width}}  {each.geometry:13}  {each.words}")
 
 
 @materials.command("show")
+@argument("name", metavar="BODY/OTHER", help="Bodies in either order.")
 @command
-def materials_show(
-    name: Annotated[str, typer.Argument(metavar="BODY/OTHER", help="Bodies in either order.")],
-) -> None:
+def materials_show(name: str) -> None:
     """One pair: geometry, size, constants with printed errors, source."""
     from ifrfit.data.materials import find_pair
 
     pair = find_pair(name)
-    typer.echo(f"{pair.name}: {pair.geometry}, {pair.diameter_mm:g} mm, provenance {pair.provenance}")
+    click.echo(f"{pair.name}: {pair.geometry}, {pair.diameter_mm:g} mm, provenance {pair.provenance}")
     for constant, (value, error) in pair.values.items():
         none = "  (a printed error of 0 is no prior)" if error == 0.0 else ""
-        typer.echo(f"  {constant:5}  {value:g} +- {error:g}{none}")
-    typer.echo(f"  source: {pair.source}")
+        click.echo(f"  {constant:5}  {value:g} +- {error:g}{none}")
+    click.echo(f"  source: {pair.source}")

@@ -3,43 +3,45 @@
 from __future__ import annotations
 
 import functools
-import inspect
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Any
 
-import typer
+import click
 
 from ifrfit.cli.completion import complete_data, completer
-from ifrfit.cli.grouped_help import DATA, METHOD, MODEL, NOISE
+from ifrfit.cli.grouped_help import GroupedCommand
+from ifrfit.cli.output import command
+from ifrfit.cli.parameters import (
+    DATA,
+    METHOD,
+    MODEL,
+    NOISE,
+    NOT_NEGATIVE,
+    PATH,
+    Argument,
+    GroupedOption,
+    option,
+)
 from ifrfit.errors import UsageError
 from ifrfit.inference.option_fields import Form, Option, build, options_of
 
-Repeated = list[str]
-Data = Annotated[
-    Repeated,
-    typer.Argument(metavar="DATA", help="Files, or names of bundled datasets.", autocompletion=complete_data),
-]
-
-Workers = Annotated[
-    int,
-    typer.Option(
-        metavar="N",
-        help="Processes that fit groups, or read data not held in memory; no number depends on them.",
-        min=1,
-        rich_help_panel=METHOD,
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Dask scheduler whose workers do so, as tcp://host:8786.  [default: none]",
-        rich_help_panel=METHOD,
-    ),
-]
+workers_option = option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    metavar="N",
+    help="Processes that fit groups, or read data not held in memory; no number depends on them.",
+    group=METHOD,
+)
+scheduler_option = option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Dask scheduler whose workers do so, as tcp://host:8786.  [default: none]",
+    group=METHOD,
+)
 
 
 def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
@@ -200,12 +202,6 @@ _SCENE = Option(
     "scene",
     unset="as the dataset says",
 )
-_Seed = Annotated[
-    int,
-    typer.Option(
-        metavar="N", help="Seed of the random draws behind the bands.", min=0, rich_help_panel=METHOD
-    ),
-]
 
 
 def figure_conventions(**given: Any) -> list[str]:
@@ -222,12 +218,13 @@ class SharedCommand:
     """A command that puts a question to data: its options are its own and those of the question.
 
     The latter come from the fields of `Model`, `Noise` and, for `fit`, of the methods. They are looked up
-    when the signature is asked for: methods may be registered after this module was imported.
+    when the command is made: methods may be registered after this module was imported.
 
     Parameters
     ----------
     run : callable
-        The command. It takes ``question``, the keywords of the library by name, and its own options.
+        The command, decorated with its own options. It takes ``question``, the keywords of the library by
+        name, and those options.
     closure : bool
         Whether it takes one closure.
     methods : bool
@@ -250,6 +247,12 @@ class SharedCommand:
         self._methods = methods
         self._ties = ties
 
+    def made(self, name: str) -> GroupedCommand:
+        """The command with all its options, those of the question first."""
+        made: GroupedCommand = click.command(name, cls=GroupedCommand)(command(self))
+        made.params[:0] = self._shared()
+        return made
+
     def _model(self) -> dict[str, Option]:
         from ifrfit.inference.options import Model
 
@@ -260,24 +263,33 @@ class SharedCommand:
             del found["tie"]
         return found
 
-    @property
-    def __signature__(self) -> inspect.Signature:
-        """Data, model, noise, method, and the command's own options."""
+    def _shared(self) -> Iterator[click.Parameter]:
+        """Data, model, noise, method."""
         from ifrfit.inference.estimators import method_options
         from ifrfit.inference.options import Noise
 
-        parts = [_keyword("data", Data, inspect.Parameter.empty)]
-        parts += (_parameter(each, DATA) for each in (*_ROWS, *_FILES, _SCENE))
-        parts += (_parameter(each, MODEL) for each in self._model().values())
-        parts += (_parameter(each, NOISE) for each in options_of(Noise).values())
+        yield Argument(
+            ["data"],
+            nargs=-1,
+            required=True,
+            metavar="DATA...",
+            help="Files, or names of bundled datasets.",
+            complete=complete_data,
+        )
+        yield from (_parameter(each, DATA) for each in (*_ROWS, *_FILES, _SCENE))
+        yield from (_parameter(each, MODEL) for each in self._model().values())
+        yield from (_parameter(each, NOISE) for each in options_of(Noise).values())
         if self._methods:
-            parts.append(_method())
-            parts += (_parameter(each, METHOD) for each in method_options().values())
-        parts.append(_keyword("seed", _Seed, 0))
-        hints = get_type_hints(self._run, include_extras=True)
-        own = inspect.signature(self._run).parameters
-        parts += (_keyword(name, hints[name], own[name].default) for name in own if name != "question")
-        return inspect.Signature(parts)
+            yield _method()
+            yield from (_parameter(each, METHOD) for each in method_options().values())
+        yield GroupedOption(
+            ["--seed"],
+            type=NOT_NEGATIVE,
+            default=0,
+            metavar="N",
+            help="Seed of the random draws behind the bands.",
+            group=METHOD,
+        )
 
     def __call__(self, **given: Any) -> None:
         """Run the command with what the command line gave."""
@@ -299,21 +311,22 @@ class SharedCommand:
         self._run(question, **given)
 
 
-# annotation of an option on the command line, by its form; the default is the field's where there is one
-_FORMS: Mapping[Form, Any] = {
-    "text": str | None,
-    "number": float | None,
-    "fraction": str | None,
-    "integer": int | None,
-    "path": Path | None,
-    "names": Repeated,
-    "words": Repeated,
-    "values": Repeated,
-    "pairs": Repeated,
-    "priors": Repeated,
-    "expressions": Repeated,
-    "range": str | None,
-    "flag": bool,
+# how click takes an option, by its form
+_REPEATABLE: Mapping[str, Any] = {"multiple": True}
+_FORMS: Mapping[Form, Mapping[str, Any]] = {
+    "text": {},
+    "number": {"type": float},
+    "fraction": {},
+    "integer": {"type": int},
+    "path": {"type": PATH},
+    "names": _REPEATABLE,
+    "words": _REPEATABLE,
+    "values": _REPEATABLE,
+    "pairs": _REPEATABLE,
+    "priors": _REPEATABLE,
+    "expressions": _REPEATABLE,
+    "range": {},
+    "flag": {"is_flag": True},
 }
 
 
@@ -321,51 +334,41 @@ _FORMS: Mapping[Form, Any] = {
 _METAVARS: Mapping[Form, str] = {"text": "NAME", "number": "X", "integer": "N", "path": "PATH"}
 
 
-def _parameter(option: Option, group: str) -> inspect.Parameter:
-    annotation, default = _FORMS[option.form], option.default
-    if annotation is Repeated:
-        default = []
-    elif default is not None:
-        annotation = type(default)
-    names = (option.flag,) if option.form == "flag" else ()
-    complete = completer(option.choices, option.form) if option.choices else None
-    info = typer.Option(
-        *names,
+def _parameter(option: Option, group: str) -> GroupedOption:
+    form = _FORMS[option.form]
+    if option.default is not None and form is not _REPEATABLE:
+        form = {**form, "default": option.default}
+    return GroupedOption(
+        [option.keyword, option.flag],
+        **form,
         metavar=option.metavar or _METAVARS.get(option.form),
         help=_with_default(option),
         show_default=False,
-        autocompletion=complete,
-        rich_help_panel=group,
+        complete=completer(option.choices, option.form) if option.choices else None,
+        group=group,
     )
-    return _keyword(option.keyword, Annotated[annotation, info], default)
 
 
 def _with_default(option: Option) -> str:
     """The help of an option, with what holds where it is not given."""
     if option.form == "flag":
         return option.help
-    often = "repeatable; " if _FORMS[option.form] is Repeated else ""
+    often = "repeatable; " if _FORMS[option.form] is _REPEATABLE else ""
     default = str(option.default) if isinstance(option.default, str | int | float) else option.unset or "none"
     return f"{option.help}  [{often}default: {default}]"
 
 
-def _method() -> inspect.Parameter:
+def _method() -> GroupedOption:
     from ifrfit.inference.estimators import ESTIMATORS, Exact
 
     said = [f"{name}: {each.summary}" for name, each in ESTIMATORS.items()]
-    info = typer.Option(
+    return GroupedOption(
+        ["--method"],
         metavar="NAME",
         help=f"{'; '.join(said)}.  [default: {Exact.name}]",
-        show_default=False,
-        autocompletion=completer(lambda: ESTIMATORS),
-        rich_help_panel=METHOD,
+        complete=completer(lambda: ESTIMATORS),
+        group=METHOD,
     )
-    return _keyword("method", Annotated[str | None, info], None)
-
-
-def _keyword(name: str, annotation: Any, default: object) -> inspect.Parameter:
-    kind = inspect.Parameter.KEYWORD_ONLY
-    return inspect.Parameter(name, kind, default=default, annotation=annotation)
 
 
 def _read(option: Option, value: Any) -> Any:

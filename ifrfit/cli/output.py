@@ -11,10 +11,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
-import typer
+import click
 
+from ifrfit.cli.parameters import flag
 from ifrfit.cli.stop_signals import status_of_interrupt
 from ifrfit.errors import IfrfitError, UsageError
 from ifrfit.text import progress_words
@@ -24,15 +25,12 @@ if TYPE_CHECKING:
     from rich.status import Status
 
 
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
-Verbose = Annotated[
-    bool,
-    typer.Option(
-        "--verbose",
-        "-v",
-        help="Say on standard error what was read, how columns were understood, and how long each part took.",
-    ),
-]
+quiet_option = flag("--quiet", help="Say nothing but errors.")
+verbose_option = flag(
+    "--verbose",
+    "-v",
+    help="Say on standard error what was read, how columns were understood, and how long each part took.",
+)
 NOT_REACHED = 4  # exit status of --strict
 
 
@@ -80,31 +78,31 @@ def show(
     if as_json:
         from ifrfit.inference.io.json_text import dumps
 
-        typer.echo(dumps(found.to_dict()), nl=False)
+        click.echo(dumps(found.to_dict()), nl=False)
     elif not quiet:
         say(of_width(lambda: found.summary() + more()), out, written, before)
 
 
 def say(text: str, out: Path | None, written: Sequence[str], before: str = "") -> None:
     """Print a text, the names of the files, and what became of what lay there before."""
-    typer.echo(text)
+    click.echo(text)
     if written:
-        typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+        click.echo(f"\nwritten: {out}/  {'  '.join(written)}")
     if written and before:
-        typer.echo(f"         {before}")
+        click.echo(f"         {before}")
 
 
 def insist(reasons: Sequence[str]) -> None:
     """Leave with status 4, saying why, if there is a reason."""
     if reasons:
-        typer.echo(f"ifrfit: --strict: {'; '.join(reason.rstrip('.') for reason in reasons)}.", err=True)
-        raise typer.Exit(NOT_REACHED)
+        click.echo(f"ifrfit: --strict: {'; '.join(reason.rstrip('.') for reason in reasons)}.", err=True)
+        raise click.exceptions.Exit(NOT_REACHED)
 
 
 def interrupted(kept: str) -> NoReturn:
     """Leave as one does after Ctrl-C, saying what is kept."""
-    typer.echo(f"ifrfit: interrupted. {kept}".rstrip(), err=True)
-    raise typer.Exit(status_of_interrupt()) from None
+    click.echo(f"ifrfit: interrupted. {kept}".rstrip(), err=True)
+    raise click.exceptions.Exit(status_of_interrupt()) from None
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:
@@ -115,21 +113,21 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         try:
             function(*args, **kwargs)
         except IfrfitError as error:
-            typer.echo(f"ifrfit: {error.in_shell}", err=True)
-            raise typer.Exit(error.exit_status) from None
+            click.echo(f"ifrfit: {error.in_shell}", err=True)
+            raise click.exceptions.Exit(error.exit_status) from None
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        except (typer.Exit, typer.Abort):
+        except (click.exceptions.Exit, click.Abort):
             raise
         except Exception as error:
             if os.environ.get("IFRFIT_DEBUG"):
                 raise
-            typer.echo(
+            click.echo(
                 f"ifrfit: internal error, {type(error).__name__}: {error}. "
                 "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
                 err=True,
             )
-            raise typer.Exit(1) from None
+            raise click.exceptions.Exit(1) from None
 
     return run
 
@@ -152,7 +150,7 @@ def verbosely(verbose: bool, quiet: bool) -> Iterator[None]:
 
     class Echo(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            typer.echo(f"ifrfit: {record.getMessage()}", err=True)
+            click.echo(f"ifrfit: {record.getMessage()}", err=True)
 
     log, handler, begin = logging.getLogger("ifrfit"), Echo(), time.perf_counter()
     level = log.level

@@ -3,36 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from ifrfit.cli.output import Quiet, interrupted, working
+from ifrfit.cli.output import command, interrupted, quiet_option, working
+from ifrfit.cli.parameters import PATH, argument, flag, option
 from ifrfit.errors import UsageError
 
 
-def report(
-    results: Annotated[list[Path], typer.Argument(metavar="RESULT.json...", help="Of ifrfit fit.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE|DIR",
-            help="The report; with several results the folder for their reports and index.html.  "
-            "[default: beside RESULT.json]",
-        ),
-    ] = None,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="html, md; any other word lists all.  [default: as FILE ends, else html]",
-            show_default=False,
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
-    quiet: Quiet = False,
-) -> None:
+@argument("results", nargs=-1, required=True, type=PATH, metavar="RESULT.json...", help="Of ifrfit fit.")
+@option(
+    "--out",
+    type=PATH,
+    metavar="FILE|DIR",
+    help="The report; with several results the folder for their reports and index.html.  "
+    "[default: beside RESULT.json]",
+)
+@option(
+    "--format",
+    "form",
+    metavar="NAME",
+    help="html, md; any other word lists all.  [default: as FILE ends, else html]",
+)
+@flag("--force", help="Replace files that are no reports, too.")
+@quiet_option
+@command
+def report(results: list[Path], out: Path | None, form: str | None, force: bool, quiet: bool) -> None:
     """Uncertainty report of a result: one self-contained page; of several results with an index."""
     if form is not None:
         from ifrfit.report.page.writing import check_format
@@ -43,7 +39,7 @@ def report(
     else:
         written = _single(results[0], out, form, force, quiet)
     if not quiet:
-        typer.echo(f"written: {written}")
+        click.echo(f"written: {written}")
 
 
 def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: bool) -> str:

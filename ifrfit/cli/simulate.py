@@ -3,46 +3,53 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from ifrfit.cli.grouped_help import METHOD
-from ifrfit.cli.output import Quiet, command, of_width, say, working
+from ifrfit.cli.output import command, of_width, quiet_option, say, working
+from ifrfit.cli.parameters import METHOD, NOT_NEGATIVE, PATH, argument, flag, option
 
 if TYPE_CHECKING:
     from ifrfit.report.simulation.figure import Supplement
 
 
+@argument("scene", type=PATH, metavar="SCENE.toml", help="See docs/scenes/README.md.")
+@option(
+    "--samples",
+    type=int,
+    metavar="N",
+    help="Impacts at each grid point.  [default: 200 where anything is drawn, else 1]",
+    group=METHOD,
+)
+@option(
+    "--out",
+    type=PATH,
+    metavar="DIR",
+    help="Write simulation.json, rebounds.csv, impacts.csv and the figure there.",
+)
+@flag("--force", help="Replace an earlier simulation in DIR.")
+@flag("--json", "as_json", help="simulation.json on standard output, nothing else.")
+@flag("--cost", help="Measure what each effect adds to the time of an impact.")
+@option(
+    "--seed",
+    type=NOT_NEGATIVE,
+    default=0,
+    metavar="N",
+    help="Seed of everything that is drawn.",
+    group=METHOD,
+)
+@quiet_option
 @command
 def simulate(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="See docs/scenes/README.md.")],
-    samples: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Impacts at each grid point.  [default: 200 where anything is drawn, else 1]",
-            rich_help_panel=METHOD,
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Write simulation.json, rebounds.csv, impacts.csv and the figure there."
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier simulation in DIR.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="simulation.json on standard output, nothing else.")
-    ] = False,
-    cost: Annotated[
-        bool, typer.Option("--cost", help="Measure what each effect adds to the time of an impact.")
-    ] = False,
-    seed: Annotated[
-        int,
-        typer.Option(metavar="N", help="Seed of everything that is drawn.", min=0, rich_help_panel=METHOD),
-    ] = 0,
-    quiet: Quiet = False,
+    scene: Path,
+    samples: int | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    cost: bool,
+    seed: int,
+    quiet: bool,
 ) -> None:
     """Rebounds of a scene, with only the effects that it calls for."""
     from ifrfit.simulation.simulate import simulate as run
@@ -69,7 +76,7 @@ def simulate(
     if as_json:
         from ifrfit.report.simulation.figure import dumps
 
-        typer.echo(dumps(found, costs), nl=False)
+        click.echo(dumps(found, costs), nl=False)
     elif not quiet:
         from ifrfit.report.simulation.text import summary
 

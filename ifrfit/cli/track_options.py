@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping
+from typing import Any
 
-import typer
-
+from ifrfit.cli.parameters import flag, option
 from ifrfit.errors import UsageError
 
-_TRACKS = "Tracks"
+_ABOUT_TRACKS = (
+    flag("--tracks", help="Positions frame by frame: t or frame, x, z, perhaps run and angle."),
+    option("--fps", type=float, metavar="N", help="Of tracks: frames in a second."),
+    option("--pixel", metavar="LENGTH", help="Of tracks: size of a pixel, as 0.1mm."),
+    option("--radius", metavar="LENGTH", help="Of tracks: radius of the ball, as 20mm."),
+    option("--contact", metavar="TIME", help="Of tracks: how long a contact lasts, as 2ms."),
+    option("--frames", type=int, metavar="N", help="Of tracks: at most so many on a side, by default 20."),
+    option(
+        "--acceleration",
+        type=float,
+        metavar="M_S2",
+        help="Of tracks: into the wall, as 9.81 for a floor; by default found.",
+    ),
+)
 
 
-def _option(metavar: str, says: str) -> Any:
-    return typer.Option(metavar=metavar, help=says, rich_help_panel=_TRACKS)
-
-
-IsTracks = Annotated[
-    bool, typer.Option("--tracks", help="Positions frame by frame: t or frame, x, z, perhaps run and angle.")
-]
-Fps = Annotated[float | None, _option("N", "Of tracks: frames in a second.")]
-PixelSize = Annotated[str | None, _option("LENGTH", "Of tracks: size of a pixel, as 0.1mm.")]
-Radius = Annotated[str | None, _option("LENGTH", "Of tracks: radius of the ball, as 20mm.")]
-Contact = Annotated[str | None, _option("TIME", "Of tracks: how long a contact lasts, as 2ms.")]
-Frames = Annotated[int | None, _option("N", "Of tracks: at most so many on a side, by default 20.")]
-Acceleration = Annotated[
-    float | None, _option("M_S2", "Of tracks: into the wall, as 9.81 for a floor; by default found.")
-]
+def track_options(run: Callable[..., None]) -> Callable[..., None]:
+    """Decorate a command with ``--tracks`` and what is said of tracks."""
+    for add in reversed(_ABOUT_TRACKS):
+        run = add(run)
+    return run
 
 
 def given_of_tracks(is_tracks: bool, **options: Any) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""What shells are offered: options, datasets, tables, choices; typer's scripts for bash, zsh and fish."""
+"""What shells are offered: options, datasets, tables, choices; and where its script goes."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ifrfit.physics import CLOSURES
 
 @pytest.fixture
 def offered(python):
-    """Words that bash is offered for the last word of a line."""
+    """Words that bash is offered for the last word of a line; files stand for those it knows itself."""
 
     def complete(line: str) -> list[str]:
         found = python(
             "-c",
             "from ifrfit.cli.main import app; app(prog_name='ifrfit')",
-            _IFRFIT_COMPLETE="complete_bash",
+            _IFRFIT_COMPLETE="bash_complete",
             COMP_WORDS=line,
             COMP_CWORD=str(len(line.split(" ")) - 1),
         )
         assert (found.returncode, found.stderr) == (0, "")
-        return found.stdout.split()
+        return [word.removeprefix("plain,") for word in found.stdout.split()]
 
     return complete
 
@@ -60,35 +60,66 @@ def test_data_are_datasets_and_tables(offered) -> None:
         Path(name).touch()
     assert offered("ifrfit fit ") == [*dataset_names(), "a.csv"]
     assert offered("ifrfit fit run/") == ["run/c.parquet"]
-    assert offered("ifrfit fit nowhere/x") == []  # the shell offers what it knows
+    assert offered("ifrfit fit nowhere/x") == ["file,nowhere/x"]
     assert offered("ifrfit datasets show k") == ["kharaz-2001"]
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_each_shell_has_a_script(python, shell: str) -> None:
+SHELLS = ("bash", "zsh", "fish")
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_shell_has_a_script(cli, monkeypatch, shell: str) -> None:
+    named = cli("--show-completion", shell)
+    assert named.returncode == 0
+    assert f"_IFRFIT_COMPLETE={shell}_complete" in named.stdout
+    monkeypatch.setenv("SHELL", f"/usr/bin/{shell}")
+    assert cli("--show-completion").stdout == named.stdout
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_line_is_added_once_to_what_a_shell_reads_and_nothing_is_lost(
+    cli, monkeypatch, tmp_path, shell: str
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    if shell == "bash":
+        (tmp_path / ".bashrc").write_text("alias l=ls")  # with no end of line
+    said = cli("--install-completion", shell).stdout
+    place = Path(said.split(" has the line")[0])
+    assert place.is_relative_to(tmp_path)
+    written = place.read_text()
+    assert cli("--install-completion", shell).returncode == 0
+    assert place.read_text() == written
+    lines = written.splitlines()
+    assert lines[:-1] == (["alias l=ls"] if shell == "bash" else [])
+    assert f"ifrfit --show-completion {shell}" in lines[-1]
+
+
+def test_a_place_that_cannot_be_written_is_named_with_the_line_to_add(cli, monkeypatch, tmp_path) -> None:
+    (tmp_path / ".bashrc").mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path))
+    found = cli("--install-completion", "bash")
+    assert found.returncode == 1
+    assert "Add the line yourself: eval" in found.stderr
+
+
+@pytest.mark.parametrize(("given", "used"), [(("csh",), "/bin/bash"), ((), "/bin/csh"), ((), "")])
+def test_another_shell_is_refused_with_those_there_are(cli, monkeypatch, given, used: str) -> None:
+    monkeypatch.setenv("SHELL", used)
+    found = cli("--show-completion", *given)
+    assert found.returncode == 2
+    assert "Name the shell, bash, zsh, fish, not" in found.stderr
+
+
+def test_zsh_is_told_what_an_option_is(python) -> None:
     found = python(
         "-c",
         "from ifrfit.cli.main import app; app(prog_name='ifrfit')",
-        *("--show-completion", shell),
-        _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1",
-    )
-    assert found.returncode == 0
-    assert f"_IFRFIT_COMPLETE=complete_{shell}" in found.stdout
-
-
-@pytest.mark.parametrize(
-    ("shell", "form"), [("zsh", '"--noise":"What sigma means'), ("fish", "--noise\tWhat sigma means")]
-)
-def test_zsh_and_fish_are_told_what_an_option_is(python, shell: str, form: str) -> None:
-    found = python(
-        "-c",
-        "from ifrfit.cli.main import app; app(prog_name='ifrfit')",
-        _IFRFIT_COMPLETE=f"complete_{shell}",
-        _TYPER_COMPLETE_ARGS="ifrfit fit --noi",
-        _TYPER_COMPLETE_FISH_ACTION="get-args",
+        _IFRFIT_COMPLETE="zsh_complete",
+        COMP_WORDS="ifrfit fit --noi",
+        COMP_CWORD="2",
     )
     assert (found.returncode, found.stderr) == (0, "")
-    assert form in found.stdout
+    assert "--noise\nWhat sigma means" in found.stdout
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
@@ -98,7 +129,7 @@ def test_a_real_bash_completes() -> None:
         pytest.skip("the command is not installed beside the interpreter")
     script = f"""
         PATH={program.parent}:$PATH
-        eval "$(_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION=1 ifrfit --show-completion bash)"
+        eval "$(ifrfit --show-completion bash)"
         COMP_WORDS=(ifrfit fit --clos) COMP_CWORD=2
         _ifrfit_completion ifrfit
         echo "${{COMPREPLY[@]}}"

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 
+import click
 import pytest
-import typer
 
 from ifrfit.cli.main import app
 from ifrfit.inference.option_fields import options_of
 from ifrfit.inference.options import Model, Noise
 
 COMMANDS = ("fit", "compare", "campaign", "cost")
-GROUP = typer.main.get_command(app)
 
 
-def options(command: str) -> list[typer.core.TyperOption]:
-    _, found, _ = GROUP.resolve_command(typer.Context(GROUP), [command])  # type: ignore[attr-defined]
+def options(command: str) -> list[click.Option]:
+    _, found, _ = app.resolve_command(click.Context(app), [command])
     return [each for each in found.params if each.param_type_name == "option" and each.name != "help"]
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import click
 import pytest
-import typer
 
 from ifrfit.cli.main import app
 from ifrfit.inference.estimators import ESTIMATORS, method_options
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES
 
-GROUP = typer.main.get_command(app)
 ONE_METHOD = "a comparison is by exact posterior, and costs are of every method: neither takes one"
 EXCEPTIONS = {
     **dict.fromkeys(("method", *method_options()), ONE_METHOD),
@@ -27,9 +26,9 @@ EXCEPTIONS_OF = {
 OWN = {"compare": {"loo"}, "cost": {"kind", "quick"}}
 
 
-def options(command: str) -> dict[str, typer.core.TyperOption]:
+def options(command: str) -> dict[str, click.Option]:
     """As they are looked up where the command is asked for."""
-    _, found, _ = GROUP.resolve_command(typer.Context(GROUP), [command])  # type: ignore[attr-defined]
+    _, found, _ = app.resolve_command(click.Context(app), [command])
     return {each.name: each for each in found.params if each.name != "help"}
 
 

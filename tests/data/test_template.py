@@ -7,7 +7,7 @@ import io
 import re
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from ifrfit.cli.main import app
 from ifrfit.data import read, template_text

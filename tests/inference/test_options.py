@@ -9,10 +9,10 @@ from fractions import Fraction
 import emcee
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from extensions.method import Mode
 from refusals import refused
 from scipy import special
-from typer.testing import CliRunner
 
 import ifrfit
 from ifrfit import (
