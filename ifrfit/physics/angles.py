@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -125,6 +125,10 @@ class Incidence:
         """These impacts only, along the last axis."""
         return self.map(lambda part: part[..., rows])
 
+    def lazily(self, rows: NDArray[np.intp] | slice) -> Incidence:
+        """The same as `take`, but each array is taken when it is asked for: an observable needs few."""
+        return _Lazily(self, rows)
+
     @cached_property
     def slip(self) -> Array:
         """|U_t|/u."""
@@ -138,3 +142,21 @@ class Incidence:
             ratio = slip / self.cosine
         # 0/0: no slip and no normal approach; the impulse is zero either way, so it counts as sticking
         return np.where(slip == 0.0, 0.0, ratio)
+
+
+class _Lazily(Incidence):
+    """Some impacts of others."""
+
+    def __init__(self, of: Incidence, rows: NDArray[np.intp] | slice) -> None:
+        self.__dict__.update(_of=of, _rows=rows)
+
+    def __getattr__(self, name: str) -> Array:
+        """Look for what is not there yet: one of the arrays."""
+        if name not in _ARRAYS:
+            raise AttributeError(name)
+        found: Array = getattr(self._of, name)[..., self._rows]
+        self.__dict__[name] = found
+        return found
+
+
+_ARRAYS = tuple(each.name for each in fields(Incidence))

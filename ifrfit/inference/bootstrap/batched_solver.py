@@ -99,13 +99,13 @@ def make_batched_group(group: ParameterGroup, rows: Index, sigma: Array) -> Batc
     Parameters
     ----------
     group : ParameterGroup
-        Its weights are not used.
+        Its standard uncertainties are not used.
     rows : ndarray of int
         The problem's rows of the group.
     sigma : ndarray
         Of each row of the problem, as the data have it.
     """
-    group = replace(group, weight=np.ones(rows.size))
+    group = replace(group, sigma=np.ones(rows.size))
     if group.rows.of_kind("curved").any():
         return None
     fixed_e_n, rest, own = None, group, rows

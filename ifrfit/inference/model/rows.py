@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.data.double_counting import impact_numbers
+from ifrfit.inference.model.slip_intervals import SlipIntervals
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import OBSERVABLES
@@ -207,6 +208,11 @@ class Rows:
             return None
         own = (i.sine, i.cosine, i.spin_x, i.spin_y, self.gamma_deg, self.series)
         return (first, impact) if all(np.array_equal(x, x[..., first[impact]]) for x in own) else None
+
+    @cached_property
+    def slip_intervals(self) -> SlipIntervals | None:
+        """The rows by intervals of tau."""
+        return SlipIntervals.of(self.tau)
 
     @cached_property
     def setting(self) -> Index:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ifrfit.inference.model.rows import Rows
+from ifrfit.inference.model.slip_intervals import SlipIntervals
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, direct_sums, is_separable
 from ifrfit.inference.optimize.piecewise import Array
 from ifrfit.inference.optimize.transition_cells import CC, KK, ONE, C, Index, K, value_at
@@ -17,9 +18,8 @@ from ifrfit.physics.angles import Incidence
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observable import Observable
 
-_KEPT = 1_000_000  # rows whose u and v are kept: 16 MB
-_WHOLE = slice(None)
-BLOCK = 16384  # rows at once, which stay in the cache
+# rows at once, which stay in the cache; u and v of more are made anew: that takes less time than their memory
+_BLOCK = 16384
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class ImpulseRows:
     Attributes
     ----------
     rows : Rows
-    weight : ndarray, (n,)
-        1/sigma.
+    sigma : ndarray, (n,)
     inertia_factor : float
     parts : tuple of (Observable, float)
         Observables that measure k, and what their slope and offset are multiplied by.
@@ -48,7 +47,7 @@ class ImpulseRows:
     """
 
     rows: Rows
-    weight: Array
+    sigma: Array
     inertia_factor: float
     parts: tuple[tuple[Observable, float], ...]
     law: Coefficients
@@ -86,7 +85,7 @@ class ImpulseRows:
             places = np.flatnonzero(rows.is_any_of([observable.name for observable, _ in parts]))
         return cls(
             rows,
-            group.weight,
+            group.sigma,
             group.inertia_factor,
             tuple(parts),
             group.coefficients,
@@ -96,32 +95,35 @@ class ImpulseRows:
             rows.tau if places is None else rows.tau[places],
         )
 
+    @property
+    def slip_intervals(self) -> SlipIntervals | None:
+        """The rows by intervals of tau; those of all rows are made once, whatever is known of their noise."""
+        return self.rows.slip_intervals if self.places is None else self._of_some
+
+    @cached_property
+    def _of_some(self) -> SlipIntervals | None:
+        return SlipIntervals.of(self.tau)
+
     def blocks(self) -> Iterator[slice]:
         """Parts of the rows."""
-        for start in range(0, self.tau.size, BLOCK):
-            yield slice(start, start + BLOCK)
+        for start in range(0, self.tau.size, _BLOCK):
+            yield slice(start, start + _BLOCK)
 
     @cached_property
     def _of_all(self) -> tuple[Array, Array]:
-        if self.tau.size <= BLOCK:
-            return self._made(_WHOLE)
-        u, v = np.empty((2, self.tau.size))
-        for at in self.blocks():
-            u[at], v[at] = self._made(at)
-        return u, v
+        return self._made(slice(None))
 
     def of_places(self, at: slice | Index) -> tuple[Array, Array]:
         """u and v of some of the rows."""
-        if self.tau.size > _KEPT:
+        if self.tau.size > _BLOCK:
             return self._made(at)
         u, v = self._of_all
         return u[at], v[at]
 
     def _made(self, at: slice | Index) -> tuple[Array, Array]:
         at = at if self.places is None else self.places[at]
-        is_whole = isinstance(at, slice) and at == _WHOLE
-        incidence = self.rows.incidence if is_whole else self.rows.incidence.take(at)
-        weight, value = self.weight[at], self.rows.value[at]
+        incidence = self.rows.incidence.lazily(at)
+        weight, value = 1.0 / self.sigma[at], self.rows.value[at]
         which = None if len(self.parts) == 1 else self.rows.which[at]
         if which is None:
             u, v = self._of_part(incidence, value, *self.parts[0])

@@ -219,7 +219,7 @@ def _restitution(group: ParameterGroup, own: Index) -> tuple[ParameterGroup, Ind
     alone = replace(
         group,
         rows=group.rows.take(own),
-        weight=group.weight[own],
+        sigma=group.sigma[own],
         c=replace(group.c, fixed=group.c.lower, prior=None),
         mu=replace(group.mu, fixed=group.mu.lower, prior=None),
     )

@@ -188,7 +188,7 @@ def _bound_over_w(group: ParameterGroup, constants: Constants) -> float:
 
 def _of_rows(group: ParameterGroup, *kinds: str) -> ParameterGroup:
     at = np.flatnonzero(group.rows.of_kind(*kinds))
-    return replace(group, rows=group.rows.take(at), weight=group.weight[at])
+    return replace(group, rows=group.rows.take(at), sigma=group.sigma[at])
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def solve(
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
     """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
     e_n, c, mu = problem.constants_of_all
-    return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
+    return ParameterGroup(problem.rows, sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
@@ -90,9 +90,7 @@ def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
         e_n, c, mu = (
             problem.entry(x, number) if x.separate else replace(x, prior=None) for x in problem.constants
         )
-        groups.append(
-            ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
-        )
+        groups.append(ParameterGroup(rows, sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu))
     return groups
 
 

@@ -10,12 +10,11 @@ is for `branch_and_bound.minimise`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ifrfit.inference.model.slip_intervals import SlipIntervals, ends_of
 from ifrfit.inference.optimize.branch_and_bound import optimum_of
 from ifrfit.inference.optimize.impulse_rows import ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums, rounding_of
@@ -32,7 +31,6 @@ from ifrfit.inference.optimize.transition_cells import (
     UU,
     UV,
     VV,
-    Index,
     TransitionCells,
     lowest_anywhere,
     lowest_on_wall,
@@ -40,9 +38,6 @@ from ifrfit.inference.optimize.transition_cells import (
 )
 
 _FEW = 2000  # rows that are sorted at once
-_FINE = 8.0  # intervals, times the root of the number of rows: it balances sums against rows that are sorted
-_MOST_BINS = 8192
-_NARROW = 1e-6  # relative spread of 1 + tau below which intervals would lose their digits
 
 
 def optimum_in_c_and_kappa(group: ParameterGroup) -> GroupOptimum | None:
@@ -114,16 +109,13 @@ class _Solved(NamedTuple):
     @classmethod
     def of(cls, rows: ImpulseRows) -> _Solved | None:
         """None where rounding leaves a doubt."""
-        tau = rows.tau
-        low, high = (float(tau[tau.argmin()]), float(tau[tau.argmax()])) if tau.size else (0.0, 0.0)
-        if not 0.0 < low <= high < np.inf:
+        intervals = rows.slip_intervals if rows.tau.size > _FEW else None
+        low, high = (0.0, 0.0) if intervals is not None else ends_of(rows.tau)
+        if intervals is None and not 0.0 < low <= high < np.inf:
             return None
         sums = ImpulseSums.of(rows)
         for again in (True, False):
-            if tau.size <= _FEW or high - low < _NARROW * (1.0 + high):
-                cells = sums.all_cells()
-            else:
-                cells = _cells_by_bins(sums, _Bins.of(sums, low, high))
+            cells = sums.all_cells() if intervals is None else _cells_by_bins(sums, _Bins.of(sums, intervals))
             found = cells.solved((sums.c, sums.kappa))
             c, kappa = found.point.tolist()
             slack = DOUBT * max(1.0, abs(found.value))
@@ -134,78 +126,52 @@ class _Solved(NamedTuple):
         return None
 
 
-@dataclass(frozen=True)
-class _Bins:
-    """Rows by intervals of tau.
+class _Bins(NamedTuple):
+    """Sums over the rows of each of m intervals: the products of `ImpulseSums`, (6 or 9, m)."""
 
-    Attributes
-    ----------
-    which : ndarray of uint16, (n,)
-        Interval of each row; it never falls where tau rises.
-    count : ndarray of int, (m,)
-    sums : ndarray, (6 or 9, m)
-        Of the products of `ImpulseSums`.
-    edges : ndarray, (m + 1,)
-        Ends of the intervals; those of the first and the last reach to 0 and to infinity.
-    """
-
-    which: NDArray[np.uint16]
-    count: Index
+    intervals: SlipIntervals
     sums: Array
-    edges: Array
 
     @classmethod
-    def of(cls, own: ImpulseSums, low: float, high: float) -> _Bins:
-        """Intervals between the lowest tau and the highest."""
-        tau = own.rows.tau
-        m = min(int(_FINE * math.sqrt(tau.size)), _MOST_BINS)
-        # 1/(1 + tau) is spread as angles are, and never rises with tau, rounded or not
-        top = 1.0 / (1.0 + low)
-        scale = m * (1.0 - 1e-9) / (top - 1.0 / (1.0 + high))
-        which = np.empty(tau.size, dtype=np.uint16)
-        count, sums = np.zeros(m, dtype=np.intp), np.zeros((own.width, m))
+    def of(cls, own: ImpulseSums, intervals: SlipIntervals) -> _Bins:
+        """One pass over the rows."""
+        m = intervals.count.size
+        sums = np.zeros((own.width, m))
         for at in own.rows.blocks():
-            place = tau[at] + 1.0
-            np.divide(-scale, place, out=place)
-            place += top * scale
-            here = place.astype(np.intp)
-            which[at] = here
-            count += np.bincount(here, minlength=m)
+            here, tau = intervals.which[at].astype(np.intp), own.rows.tau[at]
             # a term at a time in the same memory: of new memory a page costs more than the sum over it
-            products = own.products(at, tau[at], [place] * own.width)
+            products = own.products(at, tau, [np.empty(tau.size)] * own.width)
             for total, term in zip(sums, products, strict=True):
                 total += np.bincount(here, term, m)
-        edges = 1.0 / (top - np.arange(m + 1.0) / scale) - 1.0
-        edges[0], edges[-1] = 0.0, np.inf
-        return cls(which, count, sums, edges)
+        return cls(intervals, sums)
 
 
 def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
     """The cells of the intervals that may hold a minimum within `NEAR` of the best."""
-    m = bins.count.size
+    m = bins.intervals.count.size
     outside = np.zeros((9, m + 1))  # below and above each edge
     np.cumsum(bins.sums[:N_BELOW], axis=1, out=outside[:N_BELOW, 1:])
     np.cumsum(bins.sums[own.above, ::-1], axis=1, out=outside[N_BELOW:, m - 1 :: -1])
-    depth = float(m + bins.count.max())
+    depth = float(m + bins.intervals.count.max())
     # the transition on an edge between intervals: a value that is met
-    form, tau = own.quadratics(outside[:, 1:-1])[0], bins.edges[1:-1]
+    form, tau = own.quadratics(outside[:, 1:-1])[0], bins.intervals.edges[1:-1]
     met = float(value_at(form, *lowest_on_wall(form, tau, own.law, own.domain, own.kappa)).min())
     chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
     change = np.zeros(m + 2, dtype=bool)
     change[1:-1] = chosen
     ends = (change[1:] != change[:-1]).nonzero()[0].tolist()
     runs = list(zip(ends[::2], ends[1::2], strict=True))
-    inner = ((bins.which >= ends[0]) & (bins.which < ends[-1])).nonzero()[0]
+    inner = ((bins.intervals.which >= ends[0]) & (bins.intervals.which < ends[-1])).nonzero()[0]
     if len(runs) > 1:
-        inner = inner[chosen[bins.which[inner]]]
+        inner = inner[chosen[bins.intervals.which[inner]]]
     inner = inner[own.rows.tau[inner].argsort()]
-    sticking = np.concatenate(([0], bins.count.cumsum()))
+    sticking = np.concatenate(([0], bins.intervals.count.cumsum()))
     pieces, first = [], 0
     for start, stop in runs:
         n_below = int(sticking[start])
         last = first + int(sticking[stop]) - n_below
         around = np.concatenate((outside[:N_BELOW, start], outside[N_BELOW:, stop]))
-        walls = float(bins.edges[start]), float(bins.edges[stop])
+        walls = float(bins.intervals.edges[start]), float(bins.intervals.edges[stop])
         pieces.append(own.cells(inner[first:last], around, walls, n_below, depth + last - first))
         first = last
     return TransitionCells.joined(pieces)
@@ -222,5 +188,5 @@ def _lowest_in_bins(own: ImpulseSums, bins: _Bins, outside: Array, depth: float)
     along = np.divide(uv * uv, uu, out=np.zeros_like(uu), where=uu > 0.0)
     sticking = np.sqrt(np.maximum(vv - along - rounding * (vv + along), 0.0))
     # a little more than the interval: rounding may have put a row to either side of an edge
-    width = (1.0 - bins.edges[:-1] / bins.edges[1:]) * (1.0 + 1e-9) + 1e-9
+    width = (1.0 - bins.intervals.edges[:-1] / bins.intervals.edges[1:]) * (1.0 + 1e-9) + 1e-9
     return np.asarray(least + np.maximum(sticking - steepest * width * np.sqrt(uu), 0.0) ** 2)
