@@ -210,6 +210,11 @@ class Rows:
         return (first, impact) if all(np.array_equal(x, x[..., first[impact]]) for x in own) else None
 
     @cached_property
+    def by_tau(self) -> Index:
+        """The rows in ascending order of tau."""
+        return self.tau.argsort()
+
+    @cached_property
     def slip_intervals(self) -> SlipIntervals | None:
         """The rows by intervals of tau."""
         return SlipIntervals.of(self.tau)

@@ -96,6 +96,11 @@ class ImpulseRows:
         )
 
     @property
+    def order(self) -> Index:
+        """Rows in ascending order of tau; made once, as `slip_intervals` are."""
+        return self.rows.by_tau if self.places is None else self.tau.argsort()
+
+    @property
     def slip_intervals(self) -> SlipIntervals | None:
         """The rows by intervals of tau; those of all rows are made once, whatever is known of their noise."""
         return self.rows.slip_intervals if self.places is None else self._of_some
@@ -121,20 +126,26 @@ class ImpulseRows:
         return u[at], v[at]
 
     def _made(self, at: slice | Index) -> tuple[Array, Array]:
+        u, v, sigma = self._measured(at)
+        weight = 1.0 / sigma
+        v *= weight
+        return u * weight, v
+
+    def _measured(self, at: slice | Index) -> tuple[Array, Array, Array]:
+        """Slope, value less offset, and sigma."""
         at = at if self.places is None else self.places[at]
         incidence = self.rows.incidence.lazily(at)
-        weight, value = 1.0 / self.sigma[at], self.rows.value[at]
+        sigma, value = self.sigma[at], self.rows.value[at]
         which = None if len(self.parts) == 1 else self.rows.which[at]
         if which is None:
             u, v = self._of_part(incidence, value, *self.parts[0])
         else:
-            u, v = np.empty((2, weight.size))
+            u, v = np.empty((2, sigma.size))
             for observable, factor in self.parts:
                 here = which == self.rows.names.index(observable.name)
                 slope, left = self._of_part(incidence, value, observable, factor)
                 u[here], v[here] = slope[here], left[here]
-        v *= weight
-        return u * weight, v
+        return u, v, sigma
 
     def _of_part(
         self, incidence: Incidence, value: Array, observable: Observable, factor: float
@@ -151,12 +162,13 @@ class ImpulseRows:
         a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
         total = 0.0
         for at in self.blocks():
-            u, v = self.of_places(at)
+            slope, left, sigma = self._measured(at)
             k = kappa / self.tau[at]
             np.minimum(k, b, out=k)
             k += a
-            k *= u
-            k -= v
+            k *= slope
+            k -= left
+            k /= sigma
             total += float(k @ k)
         return total + max(0.0, float(value_at(self.direct.tolist(), c, kappa)))
 
