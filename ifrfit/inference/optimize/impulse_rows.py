@@ -20,6 +20,7 @@ from ifrfit.physics.observable import Observable
 
 # rows at once, which stay in the cache; u and v of more are made anew: that takes less time than their memory
 _BLOCK = 16384
+_WHOLE = slice(None)
 
 
 @dataclass(frozen=True)
@@ -116,14 +117,18 @@ class ImpulseRows:
 
     @cached_property
     def _of_all(self) -> tuple[Array, Array]:
-        return self._made(slice(None))
+        return self._made(_WHOLE)
 
     def of_places(self, at: slice | Index) -> tuple[Array, Array]:
         """u and v of some of the rows."""
-        if self.tau.size > _BLOCK:
+        if not self._is_kept:
             return self._made(at)
         u, v = self._of_all
         return u[at], v[at]
+
+    @property
+    def _is_kept(self) -> bool:
+        return self.tau.size <= _BLOCK
 
     def _made(self, at: slice | Index) -> tuple[Array, Array]:
         u, v, sigma = self._measured(at)
@@ -134,7 +139,8 @@ class ImpulseRows:
     def _measured(self, at: slice | Index) -> tuple[Array, Array, Array]:
         """Slope, value less offset, and sigma."""
         at = at if self.places is None else self.places[at]
-        incidence = self.rows.incidence.lazily(at)
+        is_whole = isinstance(at, slice) and at == _WHOLE
+        incidence = self.rows.incidence if is_whole else self.rows.incidence.lazily(at)
         sigma, value = self.sigma[at], self.rows.value[at]
         which = None if len(self.parts) == 1 else self.rows.which[at]
         if which is None:
@@ -162,13 +168,18 @@ class ImpulseRows:
         a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
         total = 0.0
         for at in self.blocks():
-            slope, left, sigma = self._measured(at)
             k = kappa / self.tau[at]
             np.minimum(k, b, out=k)
             k += a
-            k *= slope
-            k -= left
-            k /= sigma
+            if self._is_kept:
+                u, v = self._of_all
+                k *= u
+                k -= v
+            else:
+                slope, left, sigma = self._measured(at)
+                k *= slope
+                k -= left
+                k /= sigma
             total += float(k @ k)
         return total + max(0.0, float(value_at(self.direct.tolist(), c, kappa)))
 
