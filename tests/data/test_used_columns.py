@@ -129,7 +129,7 @@ def test_what_counts_in_another_file():
 @pytest.mark.parametrize(
     ("headers", "selection", "kind", "says"),
     [
-        ("gamma_deg observable value", ALL, NotStreamableError, "a long table is read into memory"),
+        ("gamma_deg observable value", ALL, NotStreamableError, "a long table is held in memory.*Name"),
         ("gamma_deg mu_app", ALL, NotStreamableError, "mu_app is read into memory; what is streamed is v_x"),
         ("gamma_deg speed_m_s", ALL, UsageError, "no column of an observable. There is none"),
         ("gamma_deg e_n", Selection(observable=("beta",)), UsageError, "no column of beta. There is e_n"),

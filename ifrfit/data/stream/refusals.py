@@ -36,7 +36,10 @@ def refuse_tables_in_memory(layout: Layout, streamed: Sequence[str]) -> None:
     """
     path = layout.cells.file
     if layout.has("observable") or layout.has("value"):
-        raise NotStreamableError(f"{path}: a long table is read into memory; a wide one is streamed.")
+        raise NotStreamableError(
+            f"{path}: a long table is held in memory; a folder or a compressed file is read in parts. Name "
+            "the file itself, unpacked, or give the table a column for each observable."
+        )
     shared = next((key for key in layout.columns if dimension_of(key) is not None), None)
     if shared is not None:
         raise NotStreamableError(
