@@ -501,3 +501,21 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path, method, known):
     for (_, level), count in inside.items():
         assert n - at_most(n, 1.0 - level) <= count <= at_most(n, level)
     assert false <= at_most(n, 0.01)
+
+
+def test_values_without_errors_beside_others_are_refused_in_words() -> None:
+    """Readings of e_n that are all the value it is fixed at leave the search no place to look."""
+    rng = np.random.default_rng(2)
+    gamma, spin = rng.uniform(5.0, 85.0, 60), rng.uniform(-0.5, 0.5, 60)
+    after = ifrfit.rebound(gamma, e_n=0.6, e_t=-0.83, mu=0.03, spin_y=spin, degrees=True).spin_y
+    is_spin = rng.random(60) < 0.5
+    table = {
+        "gamma_deg": gamma,
+        "spin_y": spin,
+        "spin_y_after": np.where(is_spin, after, np.nan),
+        "e_n": np.where(is_spin, np.nan, 0.6),
+    }
+    with refused(DataError, match="Add a column sigma|rounded"):
+        ifrfit.fit(
+            table, fix={"e_n": 0.6}, prior={"mu": (0.03, 0.003)}, bounds={"mu": (0.0, 0.06)}, method="lsq"
+        )

@@ -434,7 +434,7 @@ class _Proof:
         error = self.rounding * ((weight * np.abs(size)).sum(axis=1) + np.abs(constant) + np.abs(value))
         # what is not a number tells nothing: fmax and fmin pass it over
         bound = np.fmax(regions.bound, constant + value - error)
-        if look:
+        if look and regions.cell.size:
             self._look(regions.cell, squares)
         left = self.target - (constant + value - error)
         kept = ~(bound >= self.target)

@@ -115,11 +115,14 @@ class _Solved(NamedTuple):
             return None
         sums = ImpulseSums.of(rows)
         for again in (True, False):
-            cells = sums.all_cells() if intervals is None else _cells_by_bins(sums, _Bins.of(sums, intervals))
+            if intervals is None:
+                cells, is_sure = sums.all_cells(), True
+            else:
+                cells, is_sure = _cells_by_bins(sums, _Bins.of(sums, intervals))
             found = cells.solved((sums.c, sums.kappa))
             c, kappa = found.point.tolist()
             slack = DOUBT * max(1.0, abs(found.value))
-            if found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
+            if is_sure and found.errors[found.best] <= slack and found.lowest_bound >= found.value - slack:
                 return cls(cells, found, rows.chi2(c, kappa))
             if again and math.isfinite(found.value):
                 sums = sums.about(c, kappa)
@@ -146,8 +149,12 @@ class _Bins(NamedTuple):
         return cls(intervals, sums)
 
 
-def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
-    """The cells of the intervals that may hold a minimum within `NEAR` of the best."""
+def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> tuple[TransitionCells, bool]:
+    """The cells of the intervals that may hold a minimum within `NEAR` of the best; whether that is sure.
+
+    Of values without errors the sums may keep no digit, and no interval may hold what was met: then the cells
+    are those of the interval with the lowest bound, and all is to be summed again about what they say.
+    """
     m = bins.intervals.count.size
     outside = np.zeros((9, m + 1))  # below and above each edge
     np.cumsum(bins.sums[:N_BELOW], axis=1, out=outside[:N_BELOW, 1:])
@@ -156,7 +163,10 @@ def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
     # the transition on an edge between intervals: a value that is met
     form, tau = own.quadratics(outside[:, 1:-1])[0], bins.intervals.edges[1:-1]
     met = float(value_at(form, *lowest_on_wall(form, tau, own.law, own.domain, own.kappa)).min())
-    chosen = _lowest_in_bins(own, bins, outside, depth) <= met + NEAR
+    lowest = _lowest_in_bins(own, bins, outside, depth)
+    chosen = lowest <= met + NEAR
+    is_sure = bool(chosen.any())
+    chosen[lowest.argmin()] = True
     change = np.zeros(m + 2, dtype=bool)
     change[1:-1] = chosen
     ends = (change[1:] != change[:-1]).nonzero()[0].tolist()
@@ -174,7 +184,7 @@ def _cells_by_bins(own: ImpulseSums, bins: _Bins) -> TransitionCells:
         walls = float(bins.intervals.edges[start]), float(bins.intervals.edges[stop])
         pieces.append(own.cells(inner[first:last], around, walls, n_below, depth + last - first))
         first = last
-    return TransitionCells.joined(pieces)
+    return TransitionCells.joined(pieces), is_sure
 
 
 def _lowest_in_bins(own: ImpulseSums, bins: _Bins, outside: Array, depth: float) -> Array:

@@ -192,6 +192,19 @@ def test_nothing_lies_below_the_bound_of_an_interval() -> None:
     assert (bounds <= rows.chi2(*transition_optimum(rows).t.tolist()) + 4.0).sum() < 0.25 * m  # type: ignore[union-attr]
 
 
+def test_where_the_sums_keep_no_digit_and_no_interval_is_left_the_general_code_answers() -> None:
+    """Angles within 1e-8 degrees of 0 and 90, and one sigma far below the others, do so."""
+    group = group_of(11, 3000, "fr", sigma=0.2)
+    rows = ImpulseRows.of(group)
+    assert rows is not None
+    assert transition_optimum(rows) is not None
+    bounds = transition_search._lowest_in_bins
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transition_search, "_lowest_in_bins", lambda *given: bounds(*given) + 1e6)
+        assert transition_optimum(rows) is None
+        assert least_chi2(group) is None
+
+
 def test_what_e_n_alone_decides_is_added() -> None:
     rng = np.random.default_rng(2)
     gamma = rng.uniform(10.0, 80.0, 60)
