@@ -11,8 +11,13 @@ import click
 
 # where a shell looks, and what it is told there
 _STARTED_BY = {"bash": "~/.bashrc", "zsh": "~/.zshrc", "fish": "~/.config/fish/completions/ifrfit.fish"}
-_EVALUATED = 'eval "$(ifrfit --show-completion {shell})"'
-_SOURCED = "ifrfit --show-completion {shell} | source"
+_LINES = {
+    "bash": 'eval "$(ifrfit --show-completion bash)"',
+    # what completes is not there in a zsh that nobody has set up
+    "zsh": "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit; }; "
+    'eval "$(ifrfit --show-completion zsh)"',
+    "fish": "ifrfit --show-completion fish | source",
+}
 
 
 def completion_options(run: Callable[..., None]) -> Callable[..., None]:
@@ -29,13 +34,13 @@ def completion_options(run: Callable[..., None]) -> Callable[..., None]:
             is_eager=True,
             expose_value=False,
             callback=act,
-            help=f"{says}  [default: the shell in use]",
+            help=f"{says}  [default: that of $SHELL]",
         )(run)
     return run
 
 
 def _shell_of(given: str) -> str:
-    """The shell that is meant, or the one in use."""
+    """The shell that is meant, or that of $SHELL."""
     shell = given or Path(os.environ.get("SHELL", "")).name
     if shell not in _STARTED_BY:
         raise click.UsageError(f"Name the shell, {', '.join(_STARTED_BY)}, not {shell or 'none'!r}.")
@@ -57,16 +62,18 @@ def _install(ctx: click.Context, parameter: click.Parameter, given: Any) -> None
     if given is None or ctx.resilient_parsing:
         return
     shell = _shell_of(given)
-    place = Path(_STARTED_BY[shell]).expanduser()
-    line = (_SOURCED if shell == "fish" else _EVALUATED).format(shell=shell)
+    place, line = Path(_STARTED_BY[shell]), _LINES[shell]
     try:
+        place = place.expanduser()
         already = place.read_bytes().decode("utf-8", "replace") if place.exists() else ""
         if line not in already.splitlines():
             place.parent.mkdir(parents=True, exist_ok=True)
             gap = "" if already.endswith("\n") or not already else "\n"
             with place.open("a", encoding="utf-8") as file:
                 file.write(f"{gap}{line}\n")
-    except OSError as error:
-        raise click.ClickException(f"{place}: {error.strerror}. Add the line yourself: {line}") from None
+    except (OSError, RuntimeError) as error:  # the latter where there is no home
+        raise click.ClickException(
+            f"{place}: {getattr(error, 'strerror', error)}. Add the line yourself: {line}"
+        ) from None
     click.echo(f"{place} has the line: {line}\nIt holds from the next start of {shell} on.")
     ctx.exit()

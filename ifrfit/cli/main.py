@@ -29,7 +29,7 @@ from ifrfit.cli.output import command, status, text_width
 from ifrfit.cli.parameters import DATA, MODEL, PATH, argument, flag, option
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
-from ifrfit.cli.stop_signals import heed_termination
+from ifrfit.cli.stop_signals import heed_termination, status_of_interrupt
 from ifrfit.errors import UsageError
 
 _SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "campaign": campaign, "cost": cost}
@@ -46,6 +46,13 @@ class _Commands(Group):
         """The command that is asked for, with its options."""
         name, found, rest = super().resolve_command(ctx, args)
         return name, _SHARED[name].made(name) if name in _SHARED else found, rest
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that is asked for; stopped where nothing is kept, it leaves as stopped, too."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # of which click would make an error
+            raise click.exceptions.Exit(status_of_interrupt()) from None
 
     def list_shared(self, name: str) -> None:
         """List one of them; `resolve_command` makes it."""

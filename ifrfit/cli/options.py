@@ -23,6 +23,7 @@ from ifrfit.cli.parameters import (
     PATH,
     Argument,
     GroupedOption,
+    Whole,
     option,
 )
 from ifrfit.errors import UsageError
@@ -30,7 +31,7 @@ from ifrfit.inference.option_fields import Form, Option, build, options_of
 
 workers_option = option(
     "--workers",
-    type=click.IntRange(min=1),
+    type=Whole(min=1),
     default=1,
     metavar="N",
     help="Processes that fit groups, or read data not held in memory; no number depends on them.",

@@ -11,7 +11,15 @@ import click
 DATA, MODEL, NOISE, METHOD, OUTPUT = "Data", "Model", "Noise", "Method", "Output"
 
 PATH = click.Path(path_type=Path)
-NOT_NEGATIVE = click.IntRange(min=0)
+
+
+class Whole(click.IntRange):
+    """Whole numbers, which messages call so."""
+
+    name = "integer"
+
+
+NOT_NEGATIVE = Whole(min=0)
 
 Complete = Callable[[str], list[str]]
 _Function = TypeVar("_Function", bound=Callable[..., Any])

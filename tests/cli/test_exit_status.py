@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -167,3 +168,25 @@ def test_debug_shows_where_a_bug_is(cli, monkeypatch):
 def test_debug_does_not_turn_bad_data_into_a_traceback(cli, monkeypatch):
     monkeypatch.setenv("IFRFIT_DEBUG", "1")
     assert cli("fit", "nix.csv").returncode == 3
+
+
+@pytest.mark.parametrize(("stopped_by", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_command_that_keeps_nothing_leaves_as_stopped(
+    python, stopped_by: signal.Signals, status: int
+) -> None:
+    found = python(
+        "-c",
+        "import os, sys\n"
+        "from ifrfit.cli import main\n"
+        "from ifrfit.data import convention_meanings as meanings\n"
+        f"meanings.convention_lines = lambda width: os.kill(os.getpid(), {int(stopped_by)}) or []\n"
+        "sys.argv = ['ifrfit', 'conventions']\n"
+        "main.main()",
+    )
+    assert (found.returncode, found.stderr) == (status, "")
+
+
+def test_what_is_no_whole_number_is_called_so(cli) -> None:
+    found = cli("fit", "x.csv", "--seed", "1.5")
+    assert found.returncode == 2
+    assert "'1.5' is not a valid integer." in found.stderr
