@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
+from ifrfit.cli.parameters import Complete
 from ifrfit.inference.option_fields import Choices, Form
 
 _TABLES = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".pq")
 
-Completer = Callable[[str], list[str]]
 
-
-def completer(choices: Choices, form: Form = "text") -> Completer:
+def completer(choices: Choices, form: Form = "text") -> Complete:
     """Offers some words.
 
     Parameters

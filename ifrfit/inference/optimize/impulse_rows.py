@@ -104,11 +104,7 @@ class ImpulseRows:
     @property
     def slip_intervals(self) -> SlipIntervals | None:
         """The rows by intervals of tau; those of all rows are made once, whatever is known of their noise."""
-        return self.rows.slip_intervals if self.places is None else self._of_some
-
-    @cached_property
-    def _of_some(self) -> SlipIntervals | None:
-        return SlipIntervals.of(self.tau)
+        return self.rows.slip_intervals if self.places is None else SlipIntervals.of(self.tau)
 
     def blocks(self) -> Iterator[slice]:
         """Parts of the rows."""
