@@ -93,11 +93,25 @@ def cells(rows: Sequence[Row], columns: Columns) -> list[list[str]]:
     return [list(columns), *made]
 
 
-def seconds_of(call: Callable[[], object]) -> float:
-    """Wall time of one call."""
-    start = time.perf_counter()
+@dataclass(frozen=True)
+class OnNew:
+    """A call on what is made anew each time, before the clock starts, and given up after it stopped."""
+
+    make: Callable[[], Any]
+    call: Callable[[Any], object]
+
+    def __call__(self) -> object:
+        return self.call(self.make())
+
+
+def seconds_of(call: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
+    """Time of one call: wall time, or that of another clock."""
+    if isinstance(call, OnNew):
+        new = call.make()
+        return seconds_of(lambda: call.call(new), clock)
+    start = clock()
     call()
-    return time.perf_counter() - start
+    return clock() - start
 
 
 def rounds_of(

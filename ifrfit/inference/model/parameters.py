@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -127,6 +127,9 @@ class Parameter:
     def is_confined(self) -> bool:
         """Whether bounds of the user leave less than half of the passive domain."""
         return self.fixed is None and self.prior_sd < HALF * self.passive_sd
+
+
+_NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
 
 @dataclass(frozen=True)
@@ -326,6 +329,21 @@ class ParameterSet:
         return places
 
     @cached_property
+    def constants(self) -> tuple[Parameter, Parameter, Parameter]:
+        """e_n, the closure's own constant and mu as they were asked for, whatever is fixed in one series."""
+        return _three(self.parameters)
+
+    @cached_property
+    def constants_of_all(self) -> tuple[Parameter, Parameter, Parameter]:
+        """e_n, the closure's own constant and mu of all rows: fixed where they are in the only series."""
+        return self.constants if len(self.series) > 1 else _three(self.entries)
+
+    def entry(self, constant: Parameter, number: int) -> Parameter:
+        """A constant as it is in one series: fixed where its entry of theta is."""
+        places = self.positions.get(constant.name)
+        return constant if places is None else self.entries[places[number]]
+
+    @cached_property
     def sources(self) -> tuple[Index, Index]:
         """Series and column of each entry of theta among the (e_n, c, mu) of every series, (p,) each."""
         column = {p.name: 1 for p in self.parameters} | {"e_n": 0, "mu": 2}
@@ -452,3 +470,8 @@ class ParameterSet:
             raise KeyError(", ".join(sorted(unknown)))
         fixed = tuple((dict(self.fixed_entries) | entries).items())
         return replace(self.with_parameters(whole), fixed_entries=fixed)
+
+
+def _three(parameters: Sequence[Parameter]) -> tuple[Parameter, Parameter, Parameter]:
+    e_n, *own, mu = parameters
+    return e_n, own[0] if own else _NONE, mu

@@ -32,7 +32,6 @@ _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 OFFSET = "angle_offset"  # among the quantities of a distribution
 _OBLIQUE_BY = 1e-6  # degrees from 0 and from 90 where ratios of velocities have no value
 _ROUNDING = 1e-13  # relative error of a residual by rounding
-_NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
@@ -83,23 +82,6 @@ class Problem:
     def series(self) -> tuple[str, ...]:
         """Names of the series, in the order of `rows.series`."""
         return self.parameters.series
-
-    @cached_property
-    def constants(self) -> tuple[Parameter, Parameter, Parameter]:
-        """e_n, the closure's own constant and mu as they were asked for, whatever is fixed in one series."""
-        parameters, own = self.parameters, self.closure.constant
-        return parameters["e_n"], parameters[own] if own else _NONE, parameters["mu"]
-
-    @cached_property
-    def constants_of_all(self) -> tuple[Parameter, Parameter, Parameter]:
-        """e_n, the closure's own constant and mu of all rows: fixed where they are in the only series."""
-        e_n, c, mu = (self.entry(x, 0) if len(self.series) == 1 else x for x in self.constants)
-        return e_n, c, mu
-
-    def entry(self, constant: Parameter, number: int) -> Parameter:
-        """A constant as it is in one series: fixed where its entry of theta is."""
-        places = self.parameters.positions.get(constant.name)
-        return constant if places is None else self.parameters.entries[places[number]]
 
     @property
     def speeds(self) -> Array:

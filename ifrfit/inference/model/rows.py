@@ -115,13 +115,9 @@ class Rows:
         """Which rows have one of these observables, (n,)."""
         return self._mask([name in names for name in self.names])
 
-    @cached_property
-    def _kinds(self) -> frozenset[str]:
-        return frozenset(o.kind for o in self.measured)
-
     def measures(self, *kinds: str) -> bool:
         """Whether a row has an observable of one of these kinds."""
-        return not self._kinds.isdisjoint(kinds)
+        return any(o.kind in kinds for o in self.measured)
 
     def measures_scale(self, scale: str) -> bool:
         """Whether a row has a tangential observable of this scale."""

@@ -14,7 +14,7 @@ Index = NDArray[np.intp]
 _FINE = 4.0  # intervals, times the root of the number of rows: it balances sums against rows that are sorted
 _MOST = 8192
 _NARROW = 1e-6  # relative spread of 1 + tau below which intervals would lose their digits
-_BLOCK = 16384  # rows at once, which stay in the cache
+_BLOCK = 32768  # rows at once, which stay in the cache
 
 
 @dataclass(frozen=True)

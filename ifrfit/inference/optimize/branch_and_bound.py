@@ -9,7 +9,6 @@ rounding leaves in doubt is solved again from its own rows. Derived in docs/theo
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,16 +100,16 @@ def optimum_of(
     `transition` gives kappa and the bound of the impulse at points, as `Transition.at`.
     """
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
-    optima = [(chi2, found.point), *local_minima(transition, cells.high, found)[1:]]
-    near = found.values <= found.value + CHI2_95
-    points, n_stick = found.points[near].tolist(), cells.n_stick[found.cells[near]].tolist()
-    unknowns = [operator.itemgetter(i) for i in range(found.point.size)]
+    point = found.point
+    optima = [(chi2, point), *local_minima(transition, cells.high, found)[1:]]
+    near = (found.values <= found.value + CHI2_95).nonzero()[0]
+    points, n_stick = found.points[near], cells.n_stick[found.cells[near]].tolist()
     return PiecewiseOptimum(
-        found.point,
+        point,
         chi2,
         gap,
         tuple(optima),
-        np.array([end(points, key=one) for end in (min, max) for one in unknowns]),
+        points[np.concatenate((points.argmin(axis=0), points.argmax(axis=0)))],
         0 in n_stick,
         n_rows in n_stick,
     )

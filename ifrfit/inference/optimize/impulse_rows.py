@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,26 @@ from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observable import Observable
 
 # rows at once, which stay in the cache; u and v of more are made anew: that takes less time than their memory
-_BLOCK = 16384
+_BLOCK = 32768
 _WHOLE = slice(None)
+
+
+class Alike(NamedTuple):
+    """What rows share that measure k alike: value = offset + slope k, with one sigma."""
+
+    offset: float
+    slope: float
+    sigma: float
+
+    @property
+    def weight(self) -> float:
+        """Of each row, as a measurement of k."""
+        u = self.slope / self.sigma
+        return u * u
+
+    def k(self, value: Array) -> Array:
+        """What values say of k."""
+        return (value - self.offset) / self.slope
 
 
 @dataclass(frozen=True)
@@ -45,6 +64,8 @@ class ImpulseRows:
         Rows that measure k; None for all.
     tau : ndarray, (n,)
         Their slip ratios.
+    alike : Alike or None
+        What many rows share, if they do.
     """
 
     rows: Rows
@@ -56,6 +77,7 @@ class ImpulseRows:
     direct: Array
     places: Index | None
     tau: Array
+    alike: Alike | None = None
 
     @classmethod
     def of(cls, group: ParameterGroup) -> ImpulseRows | None:
@@ -84,7 +106,7 @@ class ImpulseRows:
         places = None
         if len(parts) < len(rows.measured):
             places = np.flatnonzero(rows.is_any_of([observable.name for observable, _ in parts]))
-        return cls(
+        made = cls(
             rows,
             group.sigma,
             group.inertia_factor,
@@ -95,6 +117,7 @@ class ImpulseRows:
             places,
             rows.tau if places is None else rows.tau[places],
         )
+        return made if made._is_kept else replace(made, alike=made._find_alike())
 
     @property
     def order(self) -> Index:
@@ -112,57 +135,68 @@ class ImpulseRows:
             yield slice(start, start + _BLOCK)
 
     @cached_property
-    def _of_all(self) -> tuple[Array, Array]:
+    def _of_all(self) -> tuple[Array | float, Array]:
         return self._made(_WHOLE)
 
-    def of_places(self, at: slice | Index) -> tuple[Array, Array]:
-        """u and v of some of the rows."""
+    def of_places(self, at: slice | Index) -> tuple[Array | float, Array]:
+        """u and v of some of the rows; one u of those that are alike."""
         if not self._is_kept:
             return self._made(at)
         u, v = self._of_all
-        return u[at], v[at]
+        return u[at] if isinstance(u, np.ndarray) else u, v[at]
 
     @property
     def _is_kept(self) -> bool:
         return self.tau.size <= _BLOCK
 
-    def _made(self, at: slice | Index) -> tuple[Array, Array]:
+    def _made(self, at: slice | Index) -> tuple[Array | float, Array]:
         u, v, sigma = self._measured(at)
         weight = 1.0 / sigma
         v *= weight
         return u * weight, v
 
-    def _measured(self, at: slice | Index) -> tuple[Array, Array, Array]:
+    def _measured(self, at: slice | Index) -> tuple[Array | float, Array, Array | float]:
         """Slope, value less offset, and sigma."""
+        value = self.values(at)
+        if self.alike is not None:
+            return self.alike.slope, value - self.alike.offset, self.alike.sigma
         at = at if self.places is None else self.places[at]
+        sigma = self.sigma[at]
         is_whole = isinstance(at, slice) and at == _WHOLE
         incidence = self.rows.incidence if is_whole else self.rows.incidence.lazily(at)
-        sigma, value = self.sigma[at], self.rows.value[at]
-        which = None if len(self.parts) == 1 else self.rows.which[at]
-        if which is None:
-            u, v = self._of_part(incidence, value, *self.parts[0])
-        else:
-            u, v = np.empty((2, sigma.size))
-            for observable, factor in self.parts:
-                here = which == self.rows.names.index(observable.name)
-                slope, left = self._of_part(incidence, value, observable, factor)
-                u[here], v[here] = slope[here], left[here]
+        if len(self.parts) == 1:
+            offsets, slopes = self._line(incidence, *self.parts[0])
+            return slopes, value - offsets, sigma
+        which, (u, v) = self.rows.which[at], np.empty((2, value.size))
+        for observable, factor in self.parts:
+            here = which == self.rows.names.index(observable.name)
+            offsets, slopes = self._line(incidence, observable, factor)
+            u[here], v[here] = slopes[here], (value - offsets)[here]
         return u, v, sigma
 
-    def _of_part(
-        self, incidence: Incidence, value: Array, observable: Observable, factor: float
-    ) -> tuple[Array, Array]:
-        """Slope and value less offset, as one observable has them."""
+    def _line(self, incidence: Incidence, observable: Observable, factor: float) -> tuple[Array, Array]:
+        """Offset and slope of an observable in k; one number that is repeated has no strides."""
         assert observable.linear is not None
         offset, slope = observable.linear(incidence, self.inertia_factor)
-        if factor != 1.0:
-            offset, slope = factor * offset, factor * slope
-        return slope, value - offset
+        return (offset, slope) if factor == 1.0 else (factor * offset, factor * slope)
+
+    def _find_alike(self) -> Alike | None:
+        sigma = float(self.sigma[0])
+        if len(self.parts) > 1 or np.count_nonzero(self.sigma != sigma):
+            return None
+        of_first = self._line(self.rows.incidence.take(slice(1)), *self.parts[0])
+        if any(repeated.strides != (0,) for repeated in of_first):
+            return None
+        return Alike(float(of_first[0][0]), float(of_first[1][0]), sigma)
+
+    def values(self, at: slice | Index) -> Array:
+        """What was measured, of some of the rows."""
+        return self.rows.value[at if self.places is None else self.places[at]]
 
     def chi2(self, c: float, kappa: float) -> float:
         """The sum of squares, from the rows themselves."""
         a, b = self.law.a0 + self.law.a1 * c, self.law.b0 + self.law.b1 * c
-        total = 0.0
+        total, weight = 0.0, 1.0 if self.alike is None else self.alike.weight
         for at in self.blocks():
             k = kappa / self.tau[at]
             np.minimum(k, b, out=k)
@@ -171,12 +205,14 @@ class ImpulseRows:
                 u, v = self._of_all
                 k *= u
                 k -= v
+            elif self.alike is not None:
+                k -= self.alike.k(self.values(at))
             else:
                 slope, left, sigma = self._measured(at)
                 k *= slope
                 k -= left
                 k /= sigma
-            total += float(k @ k)
+            total += weight * float(k @ k)
         return total + max(0.0, float(value_at(self.direct.tolist(), c, kappa)))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from ifrfit.inference.optimize.transition_cells import (
     N_BELOW,
     ONE,
     SIZE,
+    UU,
     C,
     Index,
     K,
@@ -31,6 +31,7 @@ from ifrfit.physics.impulse_laws import Coefficients
 _SAMPLE = 64  # rows that tell what is typical
 _EPS = float(np.finfo(float).eps)
 _ALL = 6  # products of a row that may slide
+_BOTH, _ABOVE = slice(0, _ALL), slice(N_BELOW, N_BELOW + _ALL)  # those where they serve both, and where not
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,12 @@ class ImpulseSums:
         The point.
     stick, slide : float
         Taken off k where a row sticks; where it slides, with kappa/tau.
+    in_common : bool
+        Whether both are the same number, and kappa is 0.
+    law : Coefficients
+        Of what is left of k, and of the transition.
+    matrix : ndarray, (7, 9)
+        See `quadratic_matrix`.
     """
 
     rows: ImpulseRows
@@ -54,54 +61,51 @@ class ImpulseSums:
     kappa: float
     stick: float
     slide: float
+    in_common: bool
+    law: Coefficients
+    matrix: Array
 
     @classmethod
     def of(cls, rows: ImpulseRows) -> ImpulseSums:
         """About the middle of the domain of c, and a typical k: all that is known before any fit."""
         n = rows.tau.size
         u, v = rows.of_places(slice(None, None, max(1, n // _SAMPLE)))
+        u = u * np.ones(v.size)  # many rows may share it
         square = float(u @ u)
         k = float(u @ v) / square if square > 0.0 else 0.0
-        return cls(rows, 0.5 * (rows.domain[0] + rows.domain[1]), 0.0, k, k)
+        c, law = 0.5 * (rows.domain[0] + rows.domain[1]), rows.law
+        left = Coefficients(law.a0 + law.a1 * c - k, law.a1, law.b0 + law.b1 * c, law.b1)
+        return cls(rows, c, 0.0, k, k, in_common=True, law=left, matrix=quadratic_matrix(left))
 
     def about(self, c: float, kappa: float) -> ImpulseSums:
         """About a point near the optimum."""
         law = self.rows.law
-        slide = law.a0 + law.a1 * c
-        return ImpulseSums(self.rows, c, kappa, slide + law.b0 + law.b1 * c, slide)
-
-    @property
-    def _in_common(self) -> bool:
-        return self.kappa == 0.0 and self.stick == self.slide
+        slide, bound = law.a0 + law.a1 * c, law.b0 + law.b1 * c
+        matrix = quadratic_matrix(Coefficients(0.0, law.a1, 0.0, law.b1))  # less k at the point itself
+        left = Coefficients(0.0, law.a1, bound, law.b1)
+        return ImpulseSums(
+            self.rows, c, kappa, slide + bound, slide, in_common=False, law=left, matrix=matrix
+        )
 
     @property
     def width(self) -> int:
         """Products of a row: those of one that sticks, then those of one that slides, where these differ."""
-        return _ALL if self._in_common else N_BELOW + _ALL
+        return _ALL if self.in_common else N_BELOW + _ALL
 
     @property
     def above(self) -> slice:
         """Which products are those of a row that slides; the first `N_BELOW` are of one that sticks."""
-        return slice(self.width - _ALL, self.width)
+        return _BOTH if self.in_common else _ABOVE
 
-    @cached_property
-    def law(self) -> Coefficients:
-        """Of what is left of k, and of the transition."""
-        law = self.rows.law
-        slide = law.a0 + law.a1 * self.c
-        return Coefficients(slide - self.slide, law.a1, law.b0 + law.b1 * self.c, law.b1)
+    @property
+    def squares(self) -> tuple[int, ...]:
+        """Which products are u^2."""
+        return (UU,) if self.in_common else (UU, N_BELOW + UU)
 
     @property
     def domain(self) -> tuple[float, float]:
         """Of what is left of c."""
         return self.rows.domain[0] - self.c, self.rows.domain[1] - self.c
-
-    @cached_property
-    def matrix(self) -> Array:
-        """See `quadratic_matrix`."""
-        left = self.law
-        # less one number for both, or less what k is at the point itself: nothing is left of it there
-        return quadratic_matrix(left if self._in_common else Coefficients(0.0, left.a1, 0.0, left.b1))
 
     @property
     def direct(self) -> Array | None:
@@ -121,13 +125,28 @@ class ImpulseSums:
         """
         u, v = self.rows.of_places(at)
         x = 1.0 / tau
-        if not self._in_common:
+        if not self.in_common:
             stick = v - self.stick * u
             yield np.multiply(u, u, out=out[0])
             yield np.multiply(u, stick, out=out[1])
             yield np.multiply(stick, stick, out=out[2])
-        left = (self.slide if self._in_common else self.slide + self.kappa * x) * u
-        yield from row_products(u, np.subtract(v, left, out=left), x, out[self.above])
+        left = v - (self.slide if self.in_common else self.slide + self.kappa * x) * u
+        yield from row_products(u, left, x, out[self.above])
+
+    def products_alike(self, at: slice | Index, tau: Array) -> Iterator[Array]:
+        """As `products`, of rows that are alike: over their weight, and but for `squares`."""
+        assert self.rows.alike is not None
+        k, x = self.rows.alike.k(self.rows.values(at)), 1.0 / tau
+        if not self.in_common:
+            left = k - self.stick
+            yield left
+            yield np.multiply(left, left, out=left)
+        left = k - (self.slide if self.in_common else self.slide + self.kappa * x)
+        yield left
+        yield np.multiply(left, left, out=k)
+        yield x
+        yield np.multiply(x, x, out=k)
+        yield np.multiply(x, left, out=k)
 
     def quadratics(self, sums: Array) -> tuple[Array, Array]:
         """Coefficients of chi2, prior included, and the size of its terms, from sums (9, m)."""

@@ -87,7 +87,7 @@ def _inside(problem: Problem, theta: Array) -> Array:
     lower, upper = problem.parameters.bounds()
     inside = np.minimum(np.maximum(theta, lower), upper)
     endless = np.isinf(theta)
-    return np.where(endless, theta, inside) if np.count_nonzero(endless) else inside
+    return np.where(endless, theta, inside)
 
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:

@@ -77,18 +77,18 @@ def solve(
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
     """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
-    e_n, c, mu = problem.constants_of_all
+    e_n, c, mu = problem.parameters.constants_of_all
     return ParameterGroup(problem.rows, sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
     """One group a series, its fixed entries included. A prior on a shared constant is not in any of them."""
-    groups = []
+    groups, known = [], problem.parameters
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
         e_n, c, mu = (
-            problem.entry(x, number) if x.separate else replace(x, prior=None) for x in problem.constants
+            known.entry(x, number) if x.separate else replace(x, prior=None) for x in known.constants
         )
         groups.append(ParameterGroup(rows, sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu))
     return groups

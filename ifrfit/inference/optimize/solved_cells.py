@@ -51,7 +51,7 @@ class SolvedCells:
         """Place of the best among the solved."""
         return int(self.values.argmin())
 
-    @cached_property
+    @property
     def value(self) -> float:
         """Least value."""
         return float(self.values[self.best])

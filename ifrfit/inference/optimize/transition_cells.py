@@ -29,12 +29,13 @@ CC, CK, KK, C, K, ONE = range(6)  # chi2 = CC c^2 + 2 CK c kappa + KK kappa^2 - 
 SIZE = 6  # no less than the terms that make up `ONE`
 _WALLS = 64  # on which a value is looked for
 _CHUNK = 4096  # cells solved at once
-_FEW = 128  # cells that are all solved
+_FEW = 1024  # cells that are all solved
+_FAR = 1e150  # a slip ratio
 _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 
 
-def row_products(u: Array, v: Array, x: Array, out: Sequence[Array]) -> Iterator[Array]:
+def row_products(u: Array | float, v: Array, x: Array, out: Sequence[Array]) -> Iterator[Array]:
     """Write the products of each row that are summed to `out`, (n,) each, one after another; x is lost."""
     uu, uv, vv, uux, uuxx, uvx = out
     yield np.multiply(u, u, out=uu)
@@ -237,48 +238,29 @@ class TransitionCells(NamedTuple):
     def _minima(self, form: Array, size: Array, low: Array, high: Array) -> tuple[CellMinima, Bool]:
         """Minimum of cells, and which of them the sums leave in doubt.
 
-        A convex function that is least beyond some edges of a cell has its minimum in the cell on one of
-        these: ends of the domain are looked at only where a free minimum lies beyond one.
+        Where c alone is kept in its domain, a minimum that lies across a wall leaves that of the cell on this
+        wall: the line from one to the other leaves the cell there, and a convex function falls along it.
         """
-        k, law, kappa0, (first, last) = low.size, self.law, self.kappa0, self.domain
-        cc, ck, kk, _, of_k, _ = form
-        walls = np.array((low, high))
-        is_open = walls[1, -1] == np.inf  # the last cell alone: its one wall will do where no row knows kappa
-        if is_open:
-            walls[1, -1] = walls[0, -1]
-        both, det = cc * kk, ck * ck
-        np.subtract(both, det, out=det)
-        doubtful, flat = det < DOUBTFUL * both, det <= FLAT * both
-        det[flat] = np.inf
-        # (C, K) times (KK, CC) less CK times (K, C)
-        c, kappa = free = (form[C : K + 1] * form[KK::-KK] - ck * form[K : C - 1 : -1]) / det
-        beyond = flat | (c < first) | (c > last)
-        on_wall, wall = lowest_on_wall(form, walls, law, self.domain, kappa0)
-        edge = wall if law.b1 == 0.0 else walls * (law.b0 + law.b1 * c) - kappa0
-        above = kappa > edge[1]
-        if is_open:
+        cc, ck, kk, of_c, of_k, _ = form
+        both, (first, last) = cc * kk, self.domain
+        det = both - ck * ck
+        doubtful = det < DOUBTFUL * both
+        det[det <= FLAT * both] = np.inf  # a valley: one place in it is as good as another
+        c = (of_c * kk - ck * of_k) / det
+        np.maximum(c, first, out=c)
+        np.minimum(c, last, out=c)
+        kappa = (of_k - ck * c) / (kk + _TINY)
+        kappa[kk == 0.0] = -np.inf  # where no row knows it: on the lower wall
+        bound = self.law.b0 + self.law.b1 * c
+        above = kappa > np.minimum(high, _FAR) * bound - self.kappa0
+        if high[-1] == np.inf:  # the last cell alone has no upper wall
             above[-1] = False
-        outside = beyond | (kappa < edge[0]) | above
-        at_ends = np.count_nonzero(beyond) > 0
-        at_c, at_kappa = places = np.empty((2, 5 if at_ends else 3, k))
-        places[:, 0] = free
-        at_c[1:3], at_kappa[1:3] = on_wall, wall
-        if at_ends:
-            end = np.array(((first,), (last,)))
-            lowest, highest = wall if law.b1 == 0.0 else walls[:, None] * (law.b0 + law.b1 * end) - kappa0
-            along = (of_k - ck * end) / (kk + _TINY)
-            np.maximum(along, lowest, out=along)
-            at_c[3:] = end
-            np.minimum(along, highest, out=at_kappa[3:])
-            if is_open and kk[-1] > 0.0:
-                at_kappa[3:, -1] = along[:, -1]
-        value = value_at(form, at_c, at_kappa)
-        value[0, outside] = np.inf
-        best, every = value.argmin(axis=0), np.arange(k)
-        chosen = places[:, best, every]
-        linear = np.abs(form[C : K + 1] * chosen)
-        errors = self.rounding * (size + 4.0 * (linear[0] + linear[1]))
-        return CellMinima(value[best, every], errors, chosen.T), doubtful
+        outside = above | (kappa < low * bound - self.kappa0)
+        wall = lowest_on_wall(form, np.where(above, high, low), self.law, self.domain, self.kappa0)
+        for own, on_wall in zip((c, kappa), wall, strict=True):
+            np.copyto(own, on_wall, where=outside)
+        error = self.rounding * (size + 4.0 * (np.abs(of_c * c) + np.abs(of_k * kappa)))
+        return CellMinima(value_at(form, c, kappa), error, np.array((c, kappa)).T), doubtful
 
     def determine(self, which: Index) -> bool:
         """Whether chosen cells determine c, and kappa where any row slides."""

@@ -138,14 +138,21 @@ class _Bins(NamedTuple):
     @classmethod
     def of(cls, own: ImpulseSums, intervals: SlipIntervals) -> _Bins:
         """One pass over the rows."""
-        m = intervals.count.size
+        m, alike = intervals.count.size, own.rows.alike
         sums = np.zeros((own.width, m))
+        places = [i for i in range(own.width) if alike is None or i not in own.squares]
         for at in own.rows.blocks():
             here, tau = intervals.which[at].astype(np.intp), own.rows.tau[at]
-            # a term at a time in the same memory: of new memory a page costs more than the sum over it
-            products = own.products(at, tau, [np.empty(tau.size)] * own.width)
-            for total, term in zip(sums, products, strict=True):
-                total += np.bincount(here, term, m)
+            if alike is None:
+                # a term at a time in the same memory: of new memory a page costs more than the sum over it
+                products = own.products(at, tau, [np.empty(tau.size)] * own.width)
+            else:
+                products = own.products_alike(at, tau)
+            for number, term in zip(places, products, strict=True):
+                sums[number] += np.bincount(here, term, m)
+        if alike is not None:
+            sums[list(own.squares)] = intervals.count
+            sums *= alike.weight
         return cls(intervals, sums)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from simulated import simulated
 
 import ifrfit
-from ifrfit.inference.optimize import transition_cells, transition_search
+from ifrfit.inference.optimize import impulse_rows, transition_cells, transition_search
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.impulse_rows import ImpulseRows
 from ifrfit.inference.optimize.impulse_sums import ImpulseSums
@@ -126,6 +126,48 @@ def test_noise_far_below_the_values_is_summed_about_the_best_point(closure: str,
     assert found.chi2 == pytest.approx(expected.chi2, rel=1e-9)
     assert found.gap <= 1e-9 * expected.chi2
     np.testing.assert_allclose(found.t, expected.t, rtol=1e-11)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["ifr", "fr"]), st.floats(-6.0, 0.0), st.booleans())
+def test_rows_that_are_alike_are_searched_as_any(seed: int, closure: str, sigma: float, beside: bool) -> None:
+    """Also about the best point, where the noise is small; also with rows of e_n beside them."""
+    group = group_of(seed, 150, closure, sigma=10.0**sigma)
+    group = replace(group, sigma=np.full(150, 10.0**sigma))
+    if beside:
+        rng = np.random.default_rng(seed)
+        observable, rows = np.where(rng.random(150) < 0.3, "e_n", "beta"), group.rows
+        data = simulated(observable, rows.gamma_deg, rows.value, group.sigma)
+        problem = problem_of(data, closure)
+        group = whole_group(problem, problem.noise.sigma)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(impulse_rows, "_BLOCK", 40)
+        patch.setattr(transition_search, "_FEW", 20)
+        measured = ImpulseRows.of(group)
+        assert measured is not None
+        assert measured.alike is not None
+        assert measured.alike.sigma == group.sigma[0]
+        found, least = [], []
+        for each in (measured, replace(measured, alike=None)):
+            found.append(transition_optimum(each))
+            least.append(each.chi2(0.5 * sum(each.domain), 0.3))
+    np.testing.assert_allclose(least[0], least[1], rtol=1e-11)
+    alike, other = found
+    assert (alike is None) == (other is None)
+    if alike is not None and other is not None:
+        assert alike.chi2 == pytest.approx(other.chi2, abs=1e-9 * max(1.0, other.chi2))
+        np.testing.assert_allclose(alike.t, other.t, rtol=1e-9, atol=1e-10)
+        assert len(alike.optima) == len(other.optima)
+
+
+def test_rows_of_another_slope_or_sigma_are_not_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(impulse_rows, "_BLOCK", 40)
+    for observable, one_sigma, alike in (("beta", True, True), ("beta", False, False), ("v_x", True, False)):
+        group = group_of(7, 100, observable=observable)
+        group = replace(group, sigma=np.full(100, 0.1)) if one_sigma else group
+        rows = ImpulseRows.of(group)
+        assert rows is not None
+        assert (rows.alike is not None) == alike
 
 
 def test_sums_about_any_point_make_the_same_chi2() -> None:
@@ -274,7 +316,8 @@ def test_a_value_that_is_met_is_chi2_at_some_place(group: ParameterGroup) -> Non
     assert cells._met_on_walls() >= least
 
 
-def test_what_is_left_alone_lies_above_a_value_that_is_met() -> None:
+def test_what_is_left_alone_lies_above_a_value_that_is_met(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transition_cells, "_FEW", 100)
     group = group_of(4, 400, "fr", sigma=0.02)
     rows = ImpulseRows.of(group)
     assert rows is not None
