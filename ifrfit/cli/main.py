@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ifrfit.cli.grouped_help import WIDEST, Command, Group, GroupedCommand
 from ifrfit.cli.import_figure import import_figure
 from ifrfit.cli.materials import materials
 from ifrfit.cli.options import SharedCommand, numbers
-from ifrfit.cli.output import command, status, text_width
+from ifrfit.cli.output import command, said_of, status, text_width
 from ifrfit.cli.parameters import DATA, MODEL, PATH, argument, flag, option
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
@@ -193,4 +194,7 @@ def main() -> None:
     """Entry point."""
     keep_freed_memory()
     heed_termination()
-    app()
+    try:
+        app()
+    except OSError as error:  # of what click itself prints: help, the version
+        sys.exit(said_of(error))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import os
 import shutil
@@ -11,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TextIO
 
 import click
 
@@ -41,12 +42,17 @@ def text_width() -> int:
 
 def fitting(usual: int) -> int:
     """The usual columns of a text, or as many as the terminal has where it goes to one."""
-    return min(usual, text_width()) if sys.stdout.isatty() else usual
+    return min(usual, text_width()) if _is_terminal(sys.stdout) else usual
+
+
+def _is_terminal(stream: TextIO | None) -> bool:
+    """Whether a stream leads to a terminal; one that was closed from the beginning is None."""
+    return stream is not None and stream.isatty()
 
 
 def of_width(text: Callable[[], str]) -> str:
     """A text, made for the width of the terminal where it goes to one, for 100 columns elsewhere."""
-    if not sys.stdout.isatty():
+    if not _is_terminal(sys.stdout):
         return text()
     from ifrfit.report.terminal import as_wide_as
 
@@ -105,6 +111,15 @@ def interrupted(kept: str) -> NoReturn:
     raise click.exceptions.Exit(status_of_interrupt()) from None
 
 
+_NO_BUG = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENAMETOOLONG}
+
+
+def said_of(error: OSError) -> str:
+    """What the system did not do."""
+    where = "standard output" if error.filename is None else f"{os.fsdecode(error.filename):.60}"
+    return f"ifrfit: {where}: {error.strerror}."
+
+
 def command(function: Callable[..., None]) -> Callable[..., None]:
     """Turn errors raised on purpose into a sentence and an exit status, and a bug into a short notice."""
 
@@ -122,6 +137,10 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         except Exception as error:
             if os.environ.get("IFRFIT_DEBUG"):
                 raise
+            if isinstance(error, OSError) and error.errno in _NO_BUG:
+                click.echo(said_of(error), err=True)
+                wrong_call = error.errno == errno.ENAMETOOLONG
+                raise click.exceptions.Exit(UsageError.exit_status if wrong_call else 1) from None
             click.echo(
                 f"ifrfit: internal error, {type(error).__name__}: {error}. "
                 "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
@@ -187,7 +206,7 @@ def working(
     callable or None
         To be told the steps done and the most there may be; None where nobody looks.
     """
-    if quiet or not sys.stderr.isatty():
+    if quiet or not _is_terminal(sys.stderr):
         yield None
         return
     bar = _Bar(what, of)
@@ -253,7 +272,7 @@ class _Bar:
 
 def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:
     """Show that work of unknown length goes on; None where nobody looks."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or not _is_terminal(sys.stderr):
         return contextlib.nullcontext()
     from rich.console import Console
 

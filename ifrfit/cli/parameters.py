@@ -10,7 +10,17 @@ import click
 
 DATA, MODEL, NOISE, METHOD, OUTPUT = "Data", "Model", "Noise", "Method", "Output"
 
-PATH = click.Path(path_type=Path)
+class _Named(click.Path):
+    """Paths, of which an empty one is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path."""
+        if value == "":
+            self.fail("an empty name is no file.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Named(path_type=Path)
 
 
 class Whole(click.IntRange):

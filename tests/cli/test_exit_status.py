@@ -34,6 +34,7 @@ def sentence(outcome) -> str:
         (("--prior", "e_n=0.98"), "--prior e_n=0.98: write it as NAME="),
         (("--gamma-min", "50", "--gamma-max", "20"), "--gamma-min 50 is above --gamma-max 20"),
         (("--convention", "angle=from-wall"), "kharaz-2001 is a dataset in the common schema"),
+        (("a" * 5000,), f"{'a' * 60}: File name too long."),
     ],
 )
 def test_a_wrong_call_is_2(cli, options, says):
@@ -51,6 +52,7 @@ def test_a_wrong_call_is_2(cli, options, says):
         ("fit", "kharaz-2001", "--gamma-min", "steep"),
         ("fit", "kharaz-2001", "--seed", "-1"),
         ("frobnicate",),
+        ("report", ""),
         ("predict", "result.json"),
         ("datasets", "install", "cross-2019"),
     ],

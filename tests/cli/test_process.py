@@ -115,6 +115,25 @@ def test_a_closed_pipe_is_no_error():
     assert "Exception ignored" not in said
 
 
+FULL = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("arguments", [("--help",), ("fit", "kharaz-2001")])
+def test_a_full_disk_behind_standard_output_is_said(arguments):
+    with FULL.open("w") as full:
+        command = [sys.executable, "-m", "ifrfit", *arguments]
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (found.returncode, found.stderr) == (1, "ifrfit: standard output: No space left on device.\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell that closes it")
+def test_a_standard_output_that_is_closed_is_no_error():
+    command = ["sh", "-c", '"$0" -m ifrfit fit kharaz-2001 >&-', sys.executable]
+    found = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
 def test_reproduce_writes_figures_and_prints_the_table(cli):
     found = cli("reproduce", "--out", "figures", "--figure", "3", "--figure", "A2.1b")
     assert (found.returncode, found.stderr) == (0, "")
