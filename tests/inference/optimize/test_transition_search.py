@@ -43,6 +43,8 @@ def group_of(
     low, high = sorted(rng.uniform(1.0, 89.0, 2))
     gamma = rng.uniform(low, high + 0.5, n)
     gamma = {"free": gamma, "rounded": np.ceil(gamma), "repeated": rng.choice(gamma, n)}[angles]
+    if observable == "mu_app":  # which has no value at 90 degrees
+        gamma = np.minimum(gamma, 89.0)
     own = get_closure(closure)
     e_n, mu, c = rng.uniform(0.3, 1.0), 10.0 ** rng.uniform(-2.0, 0.0), rng.uniform(*own.domain(J))
     constants = {"e_n": e_n, "mu": mu, str(own.constant): c}
