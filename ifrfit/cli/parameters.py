@@ -10,6 +10,7 @@ import click
 
 DATA, MODEL, NOISE, METHOD, OUTPUT = "Data", "Model", "Noise", "Method", "Output"
 
+
 class _Named(click.Path):
     """Paths, of which an empty one is none."""
 

@@ -125,7 +125,7 @@ def test_friction_where_kappa_has_a_corner():
 
 def test_a_level_between_two_modes():
     """A miss that is nothing in probability led 84 sd away; where a law is all but empty none is found."""
-    groups = 400
+    groups = 150
     weight = np.random.default_rng(4).uniform(0.02, 0.98, groups)[:, None, None]
     weight[:40, 0, 0] = LEVELS[0] + np.linspace(-3e-4, 3e-4, 40)  # of the lower mode: a level in the valley
     edges = np.tile(np.linspace(-8.0, 30.0, 96), (groups, 1))

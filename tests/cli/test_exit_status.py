@@ -178,7 +178,8 @@ def test_a_command_that_keeps_nothing_leaves_as_stopped(
 ) -> None:
     found = python(
         "-c",
-        "import os, sys\n"
+        "import os, signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a job in the background ignores it
         "from ifrfit.cli import main\n"
         "from ifrfit.data import convention_meanings as meanings\n"
         f"meanings.convention_lines = lambda width: os.kill(os.getpid(), {int(stopped_by)}) or []\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from factories import each_once
 
 import ifrfit
 from ifrfit.exporters.comment_block import residual_words
@@ -20,9 +21,9 @@ ENDS = (
 )
 
 
-@pytest.mark.parametrize(("closure", "values"), ENDS)
-@pytest.mark.parametrize("target", list(EXPORTERS))
-def test_finite_numbers_or_a_refusal(target, closure, values):
+@pytest.mark.parametrize(("target", "end"), each_once(EXPORTERS, ENDS))
+def test_finite_numbers_or_a_refusal(target, end):
+    closure, values = end
     if target in ("mujoco", "pybullet"):
         pytest.importorskip(target)
     at = Conditions(

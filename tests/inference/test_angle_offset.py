@@ -291,6 +291,7 @@ def test_a_comparison_passes_it_on(path):
     assert found.entries["ifr"].loo.elpd > found.entries["fr"].loo.elpd
 
 
+@pytest.mark.long
 def test_the_closures_of_a_page_are_those_of_the_comparison(path):
     # the more constants are free, the longer each closure takes
     asked = {"model": Model(fix={"e_n": 0.9}), "noise": with_offset(3.0)}

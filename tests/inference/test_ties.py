@@ -9,7 +9,7 @@ import lmfit
 import numpy as np
 import pandas as pd
 import pytest
-from factories import each_once
+from factories import each_once, rest_long
 from json_schemas import validator
 from refusals import refused
 
@@ -113,7 +113,7 @@ def test_two_of_three_series_share_and_the_third_has_its_own():
     assert e_t["b"].reason == "tied: e_t[a]"
 
 
-@pytest.mark.parametrize("method", ["lsq", "mcmc"])
+@pytest.mark.parametrize("method", rest_long(["lsq", "mcmc"]))
 def test_a_tied_fit_goes_through_files_and_pages(tmp_path, method):
     fit = tied_fit(method)
     text = fit.summary()
@@ -267,7 +267,7 @@ def test_what_a_tie_tells_of_e_n_and_mu_is_not_called_open(tie, method):
     assert found.e_n.stderr == pytest.approx(abs(slope) * alone.e_t.stderr, rel=0.05)
 
 
-@pytest.mark.parametrize("method", ["lsq", "exact", "mcmc", "profile"])
+@pytest.mark.parametrize("method", rest_long(["lsq", "exact", "profile", "mcmc"], 3))
 def test_a_constant_that_follows_from_fixed_ones_is_fixed_by_the_tie(method, tmp_path):
     fit = ifrfit.fit(ONE, tie={"e_t": "-e_n"}, fix={"e_n": 0.8}, method=method)
     plain = ifrfit.fit(ONE, fix={"e_n": 0.8, "e_t": -0.8}, method=method)

@@ -74,12 +74,13 @@ OF_NOISE: Mapping[str, tuple[pd.DataFrame, Mapping[str, Any]]] = {
     "several unknown noises beside": (BOTH, {"noise": Noise("unknown", **T)}),
 }
 COLUMNS, OF_PAGE = table("noise.md")
+DEAR = "normal, truncated", "bootstrap"  # half a minute
 CELLS = [
     pytest.param(
         row,
         method,
         said,
-        marks=pytest.mark.long if method == "mcmc" and said != "refused" else (),
+        marks=pytest.mark.long if (method == "mcmc" and said != "refused") or (row, method) == DEAR else (),
         id=f"{row}-{method}",
     )
     for row, line in zip(QUESTIONS, LINES, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from factories import cut_off, texts_of
+from factories import cut_off, rest_long, texts_of
 
 from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.schemes import draw_springs
@@ -14,7 +14,7 @@ WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
 OF = {figure.name: figure for figure in FIGURES}
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", rest_long(DRAWN, 8))
 def test_it_is_as_wide_as_a_column_and_nothing_is_cut(picture, name):
     figure = picture(name).figure
     width = 174.0 if name == "1" else 85.0

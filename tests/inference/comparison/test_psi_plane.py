@@ -112,7 +112,7 @@ def impacts_that_all_slide(closure: str, seed: int, **own: float):
 def test_a_law_that_holds_is_not_contradicted_by_chance():
     # a bend that noise makes of impacts that all slide lies beyond the 95 % interval one time in some twenty
     below = 0
-    for seed in range(60):
+    for seed in range(30):
         plane = psi_plane([problem_of(impacts_that_all_slide("ifr", seed, e_t=-0.8), "ifr")])
         for slope in (plane.sliding, plane.difference):
             assert slope.contradicts == ()

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from factories import rest_long
 
 import ifrfit
 from ifrfit.inference.comparison.compare import compare_result
@@ -73,7 +74,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", rest_long(CASES, 3))
 def test_what_the_fit_says_look_to_stands_before_the_verdict_is_believed(case):
     make, words = CASES[case]
     data = make()

@@ -243,7 +243,7 @@ def _deviance(slopes, size):
     return float(rest @ rest) + 2.0 * float(np.log(np.diag(root)).sum())
 
 
-@pytest.mark.parametrize("sigma", [True, False])
+@pytest.mark.parametrize("sigma", rest_long([True, False]))
 def test_other_flaws_are_not_called_so(tmp_path, sigma):
     """Outliers, impacts of two kinds, an offset of the angles, a noise that grows: none alone is."""
     rng = np.random.default_rng(8)
@@ -332,6 +332,7 @@ def test_rounding_is_no_error_of_the_angles(tmp_path):
     assert "rounded_readings" in facts
 
 
+@pytest.mark.long
 def test_a_weight_that_no_integral_bears_makes_no_answer(tmp_path):
     table = readings(0.0, 1, n=36, noise=0.0, sigma=False)
     table["beta"] = table["beta"].round(4)

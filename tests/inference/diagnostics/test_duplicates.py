@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from factories import at_most, table_file
+from factories import at_most, rest_long, table_file
 from slips_scenes import Cause, Scene, experiment
 
 import ifrfit
@@ -268,7 +268,7 @@ STEPS = [
 
 
 @pytest.mark.parametrize(("steps", "noise"), STEPS)
-@pytest.mark.parametrize("seeds", [12, pytest.param(150, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seeds", rest_long([6, 150]))
 def test_readings_in_steps_of_a_scale_are_no_copies(steps, noise, seeds):
     """Steps of 2, 2.5 or 5 of the last decimal: they agree more often than those of the decimal would."""
     alarms = [copies(_in_steps(seed, steps, noise, series=6)) is not None for seed in range(seeds)]

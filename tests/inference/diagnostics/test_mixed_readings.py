@@ -106,10 +106,17 @@ def some_turned(spin):
     return np.where(np.arange(spin.size) % 3 == 0, -spin, spin)
 
 
-@pytest.mark.parametrize(("names", "series"), each_once([("v_x", "v_n", "spin_y_after"), ("beta",)], [2, 1]))
-@pytest.mark.parametrize(("noise", "sigma"), [(0.01, None), (0.01, 0.01), (0.05, None), (0.05, 0.05)])
+@pytest.mark.parametrize(
+    ("names", "series", "errors"),
+    each_once(
+        [("v_x", "v_n", "spin_y_after"), ("beta",)],
+        [2, 1],
+        [(0.01, 0.01), (0.01, None), (0.05, 0.05), (0.05, None)],
+    ),
+)
 @pytest.mark.parametrize("seed", rest_long(range(4)))
-def test_spins_before_without_their_sign_are_named(tmp_path, seed, noise, sigma, series, names):
+def test_spins_before_without_their_sign_are_named(tmp_path, seed, errors, series, names):
+    noise, sigma = errors
     result = spun(tmp_path, seed, np.abs, noise=noise, sigma=sigma, series=series, names=names)
     slips = result.facts["slips"]
     assert slips.figures["called"][0] == "size-of-spin-y-before", slips.says

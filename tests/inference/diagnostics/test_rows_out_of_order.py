@@ -68,11 +68,13 @@ def test_a_column_that_was_sorted_is_named(tmp_path, seed, errors, move, names):
     assert "give each value beside the angle that it was read at" in slips.says
 
 
-@pytest.mark.parametrize("names", list(SETS.values()), ids=list(SETS))
-@pytest.mark.parametrize(("move", "called"), [(down, "shifted-down"), (up, "shifted-up")])
-@pytest.mark.parametrize("errors", NOISES)
+@pytest.mark.parametrize(
+    ("names", "move", "errors"),
+    each_once(SETS.values(), [(down, "shifted-down"), (up, "shifted-up")], NOISES),
+)
 @pytest.mark.parametrize("seed", rest_long(range(4)))
-def test_a_column_that_was_shifted_is_named(tmp_path, seed, errors, move, called, names):
+def test_a_column_that_was_shifted_is_named(tmp_path, seed, errors, move, names):
+    move, called = move
     slips = fitted(tmp_path, seed, names, move, errors=errors).facts["slips"]
     assert slips.figures["called"][0] == f"{called} {names[0]}", slips.says
     assert f"{names[0]} one line {'below' if move is down else 'above'} the angle it is of" in slips.says

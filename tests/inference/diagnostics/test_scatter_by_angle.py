@@ -88,7 +88,7 @@ def test_p_values_of_an_even_scatter_are_no_smaller_than_they_say(tmp_path):
     rows = problem.rows.rows_of("beta")
     own = 1.0 - result.least_squares.gaussian.leverage
     basis = np.linalg.qr(problem.jacobian(result.least_squares.optimum.theta)[rows][:, :3])[0]
-    errors = rng.standard_normal((4000, rows.size))
+    errors = rng.standard_normal((1500, rows.size))
 
     def p_of(left):
         z = np.zeros(own.size)

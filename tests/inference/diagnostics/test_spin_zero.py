@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from factories import table_file
+from factories import each_once, table_file
 
 from ifrfit import fit, rebound
 
@@ -31,8 +31,9 @@ def fitted(folder, data: pd.DataFrame):
     return fit(path, method="lsq", **({"fix": {"e_n": 0.9}} if list(data)[2:] == ["beta"] else {}))
 
 
-@pytest.mark.parametrize("zero", [0.05, -0.08])
-@pytest.mark.parametrize("names", [("beta_cm", "e_n"), ("v_x", "v_n", "spin_y_after")])
+@pytest.mark.parametrize(
+    ("zero", "names"), each_once([0.05, -0.08], [("beta_cm", "e_n"), ("v_x", "v_n", "spin_y_after")])
+)
 def test_the_zero_is_named_with_its_size(tmp_path, names, zero):
     for seed in range(3):
         slips = fitted(tmp_path, table(zero, names, seed)).facts["slips"]

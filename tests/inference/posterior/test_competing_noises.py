@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import rest_long
 from strangers import draw
 
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior.integrators import exact_posterior, sampled_posterior
 
 
-@pytest.mark.parametrize("number", [124, 233])
+@pytest.mark.parametrize("number", rest_long([124, 233]))
 def test_quadrature_sees_the_modes_that_importance_sampling_sees(tmp_path, number):
     """Drawn tables: 88 % and 5 % of the mass lay where no node was, and the error claimed to be 6e-5 sd."""
     path = tmp_path / "table.csv"

@@ -139,6 +139,9 @@ DEAR = (
     "mu_app, mu separate",
     "delta and a prior of e_n",
     "mu separate, a noise each",
+    "delta alone",
+    "psi_out and e_n",
+    "FR, priors on mu and e_n",
 )
 
 
