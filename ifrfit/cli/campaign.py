@@ -69,6 +69,8 @@ def campaign(
     if question.pop("scene") is not None:
         raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
     check_free(out, force=force, of=CAMPAIGN)
+    if not all(name.strip() for name in question["data"]):
+        raise UsageError("An empty name stands for no data. Name files or folders, or . for this one.")
     table_files(list(map(Path, question["data"])))  # what is not there is said at once
     before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]

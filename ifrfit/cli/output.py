@@ -18,7 +18,7 @@ import click
 
 from ifrfit.cli.parameters import flag
 from ifrfit.cli.stop_signals import status_of_interrupt
-from ifrfit.errors import IfrfitError, UsageError
+from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.text import progress_words
 
 if TYPE_CHECKING:
@@ -139,8 +139,8 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
                 raise
             if isinstance(error, OSError) and error.errno in _NO_BUG:
                 click.echo(said_of(error), err=True)
-                wrong_call = error.errno == errno.ENAMETOOLONG
-                raise click.exceptions.Exit(UsageError.exit_status if wrong_call else 1) from None
+                is_no_file = error.errno == errno.ENAMETOOLONG
+                raise click.exceptions.Exit(DataError.exit_status if is_no_file else 1) from None
             click.echo(
                 f"ifrfit: internal error, {type(error).__name__}: {error}. "
                 "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",

@@ -34,7 +34,6 @@ def sentence(outcome) -> str:
         (("--prior", "e_n=0.98"), "--prior e_n=0.98: write it as NAME="),
         (("--gamma-min", "50", "--gamma-max", "20"), "--gamma-min 50 is above --gamma-max 20"),
         (("--convention", "angle=from-wall"), "kharaz-2001 is a dataset in the common schema"),
-        (("a" * 5000,), f"{'a' * 60}: File name too long."),
     ],
 )
 def test_a_wrong_call_is_2(cli, options, says):
@@ -68,6 +67,19 @@ def test_a_missing_file_is_3_and_close_names_are_offered(cli):
     found = cli("fit", "kharaz")
     assert found.returncode == 3
     assert "there is neither a file nor a dataset of that name. Did you mean kharaz-2001?" in sentence(found)
+
+
+def test_a_name_too_long_is_3(cli):
+    found = cli("fit", "a" * 5000)
+    assert found.returncode == 3
+    assert sentence(found) == f"{'a' * 60}: File name too long."
+
+
+def test_an_empty_name_stands_for_no_data(cli):
+    for command in (("fit", ""), ("campaign", "", "--by", "run", "--out", "found")):
+        found = cli(*command)
+        assert found.returncode == 2
+        assert sentence(found).startswith("An empty name stands for no data.")
 
 
 @pytest.mark.usefixtures("small_page")
