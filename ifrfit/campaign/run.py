@@ -18,7 +18,7 @@ from ifrfit.campaign.population.partial_pooling import Population, populations
 from ifrfit.campaign.population.repeated_priors import bounds_reason, prior_reason
 from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.groups import Group, GroupedFiles, RefusedFile
-from ifrfit.data.table_folders import table_files
+from ifrfit.data.table_folders import path_of, table_files
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimator import Estimator
 from ifrfit.inference.keywords import estimator_of, model_of, noise_of, selection_of
@@ -178,7 +178,7 @@ def run_campaign(
     selection_of(keywords)
     inertia = question.model.inertia_factor
     parameters = question.model.parameters(SOLID if inertia is None else inertia)
-    paths = [Path(each) for each in data]
+    paths = [path_of(each) for each in data]
     files = GroupedFiles(tuple(table_files(paths)), tuple(by), conventions, tuple(paths))
     asked = repr((tuple(str(path.resolve()) for path in paths), tuple(by), question))
     journal = Journal.open(out, asked, resume=resume, force=force)

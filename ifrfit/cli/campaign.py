@@ -62,16 +62,14 @@ def campaign(
 ) -> None:
     """Constants of thousands of groups of impacts, and of the population they are drawn from."""
     from ifrfit.campaign.report.contents import CAMPAIGN, unfinished
-    from ifrfit.data.table_folders import table_files
+    from ifrfit.data.table_folders import path_of, table_files
     from ifrfit.inference.workers.crews import crew_of
     from ifrfit.report.atomic_folder import check_free, standing
 
     if question.pop("scene") is not None:
         raise UsageError("--scene says what hit what in one experiment: leave it out of a campaign.")
     check_free(out, force=force, of=CAMPAIGN)
-    if not all(name.strip() for name in question["data"]):
-        raise UsageError("An empty name stands for no data. Name files or folders, or . for this one.")
-    table_files(list(map(Path, question["data"])))  # what is not there is said at once
+    table_files(list(map(path_of, question["data"])))  # what is not there is said at once
     before = standing(out, CAMPAIGN)
     columns = [name.strip() for name in by.split(",") if name.strip()]
     try:

@@ -197,4 +197,6 @@ def main() -> None:
     try:
         app()
     except OSError as error:  # of what click itself prints: help, the version
-        sys.exit(said_of(error))
+        if not (said := said_of(error)):
+            raise
+        sys.exit(said)

@@ -114,8 +114,10 @@ def interrupted(kept: str) -> NoReturn:
 _NO_BUG = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENAMETOOLONG}
 
 
-def said_of(error: OSError) -> str:
-    """What the system did not do."""
+def said_of(error: Exception) -> str:
+    """What the system did not do; empty for a bug, and where bugs are looked for."""
+    if not isinstance(error, OSError) or error.errno not in _NO_BUG or os.environ.get("IFRFIT_DEBUG"):
+        return ""
     where = "standard output" if error.filename is None else f"{os.fsdecode(error.filename):.60}"
     return f"ifrfit: {where}: {error.strerror}."
 
@@ -137,9 +139,9 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         except Exception as error:
             if os.environ.get("IFRFIT_DEBUG"):
                 raise
-            if isinstance(error, OSError) and error.errno in _NO_BUG:
-                click.echo(said_of(error), err=True)
-                is_no_file = error.errno == errno.ENAMETOOLONG
+            if said := said_of(error):
+                click.echo(said, err=True)
+                is_no_file = getattr(error, "errno", None) == errno.ENAMETOOLONG
                 raise click.exceptions.Exit(DataError.exit_status if is_no_file else 1) from None
             click.echo(
                 f"ifrfit: internal error, {type(error).__name__}: {error}. "

@@ -16,6 +16,7 @@ from ifrfit.data.descriptor import PACKAGE_FILE, read_package, to_descriptor, ve
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
 from ifrfit.data.schema import PROVENANCES, STAND_IN
+from ifrfit.data.table_folders import path_of
 from ifrfit.errors import DataError, UsageError
 from ifrfit.text import meant
 
@@ -162,9 +163,7 @@ def resolve(
     DataError
         If there is neither such a dataset nor such a file, or it is refused.
     """
-    name, path = str(name_or_path), Path(name_or_path)
-    if not name.strip():
-        raise UsageError("An empty name stands for no data. Name a file or a dataset, or . for this folder.")
+    name, path = str(name_or_path), path_of(name_or_path)
     names = dataset_names()
     if name not in names and path.is_dir() and not (path / PACKAGE_FILE).exists():
         raise DataError(

@@ -8,11 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from ifrfit.data.cell_table import Cells
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 
 _SUFFIXES = (".csv", ".tsv", ".parquet")
 _PACKED = (".gz", ".zst")
 _ROUNDING = 1e-6  # relative, to which a number is the one that another file has: text may have been rounded
+
+
+def path_of(name: str | Path) -> Path:
+    """The path of a name that somebody gave.
+
+    Raises
+    ------
+    UsageError
+        For an empty one, of which a path would be the folder one is in.
+    """
+    if not str(name).strip():
+        raise UsageError("An empty name stands for no data. Name a file or a dataset, or . for this folder.")
+    return Path(name)
 
 
 def table_files(paths: Sequence[Path]) -> list[Path]:

@@ -127,6 +127,16 @@ def test_a_full_disk_behind_standard_output_is_said(arguments):
     assert (found.returncode, found.stderr) == (1, "ifrfit: standard output: No space left on device.\n")
 
 
+@pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("arguments", [("--help",), ("conventions",)])
+def test_where_a_bug_is_looked_for_it_is_shown(arguments):
+    with FULL.open("w") as full:
+        command = [sys.executable, "-m", "ifrfit", *arguments]
+        own = os.environ | {"IFRFIT_DEBUG": "1"}
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=own)
+    assert "Traceback" in found.stderr
+
+
 @pytest.mark.skipif(os.name != "posix", reason="a shell that closes it")
 def test_a_standard_output_that_is_closed_is_no_error():
     command = ["sh", "-c", '"$0" -m ifrfit fit kharaz-2001 >&-', sys.executable]

@@ -175,7 +175,7 @@ class ImpulseRows:
         return u, v, sigma
 
     def _line(self, incidence: Incidence, observable: Observable, factor: float) -> tuple[Array, Array]:
-        """Offset and slope of an observable in k; one number that is repeated has no strides."""
+        """Offset and slope of an observable in k."""
         assert observable.linear is not None
         offset, slope = observable.linear(incidence, self.inertia_factor)
         return (offset, slope) if factor == 1.0 else (factor * offset, factor * slope)
@@ -184,10 +184,13 @@ class ImpulseRows:
         sigma = float(self.sigma[0])
         if len(self.parts) > 1 or np.count_nonzero(self.sigma != sigma):
             return None
-        of_first = self._line(self.rows.incidence.take(slice(1)), *self.parts[0])
-        if any(repeated.strides != (0,) for repeated in of_first):
+        # of several rows: of a single one nothing that was broadcast has strides
+        some = self.rows.incidence.take(slice(None, None, len(self.rows) // 2))
+        line = [np.asarray(each) for each in self._line(some, *self.parts[0])]
+        if any(each.ndim > 0 and each.strides != (0,) for each in line):
             return None
-        return Alike(float(of_first[0][0]), float(of_first[1][0]), sigma)
+        offset, slope = (float(each.flat[0]) for each in line)
+        return Alike(offset, slope, sigma) if slope != 0.0 else None
 
     def values(self, at: slice | Index) -> Array:
         """What was measured, of some of the rows."""

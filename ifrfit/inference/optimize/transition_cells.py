@@ -30,7 +30,7 @@ SIZE = 6  # no less than the terms that make up `ONE`
 _WALLS = 64  # on which a value is looked for
 _CHUNK = 4096  # cells solved at once
 _FEW = 1024  # cells that are all solved
-_FAR = 1e150  # a slip ratio
+_FAR = 1e150  # a slip ratio in the place of infinity, of which 0 times is no number
 _TINY = float(np.finfo(float).tiny)  # of a sum of squares that is 0, it makes 0 of what it divides
 N_BELOW = 3  # sums over rows that stick: UU, UV, VV; of those that slide all six follow
 

@@ -172,6 +172,23 @@ def test_rows_of_another_slope_or_sigma_are_not_alike(monkeypatch: pytest.Monkey
         assert (rows.alike is not None) == alike
 
 
+def test_one_number_in_each_row_is_not_one_number_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a single row numpy gives what was broadcast no strides, whether it repeats a number or not."""
+    monkeypatch.setattr(impulse_rows, "_BLOCK", 40)
+    group = group_of(7, 100)
+    rows = ImpulseRows.of(replace(group, sigma=np.full(100, 0.1)))
+    assert rows is not None
+    beta = rows.parts[0][0]
+    for linear, alike in (
+        (lambda i, j: (np.broadcast_to(i.sine, i.sine.shape), 2.0), None),
+        (lambda i, j: (-1.0, np.broadcast_to(i.sine, i.sine.shape)), None),
+        (lambda i, j: (-1.0, 0.0), None),
+        (lambda i, j: (-1.0, 2.0), (-1.0, 2.0, 0.1)),
+    ):
+        own = replace(rows, parts=((replace(beta, linear=linear), 1.0),), alike=None)  # type: ignore[arg-type]
+        assert own._find_alike() == alike
+
+
 def test_sums_about_any_point_make_the_same_chi2() -> None:
     group = group_of(3, 60, "fr", sigma=0.2, prior=("own", "mu"))
     rows = ImpulseRows.of(group)
